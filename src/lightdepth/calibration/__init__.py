@@ -1,0 +1,1 @@
+"""A panorama to its pose in the world."""

@@ -1,0 +1,14 @@
+"""The cameras. A new one is a file in this folder and a line in ``CameraSettings``."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from lightdepth.cameras.camera import Camera
+from lightdepth.cameras.equirectangular import Equirectangular
+from lightdepth.cameras.fisheye import Fisheye
+from lightdepth.cameras.perspective import Perspective
+
+CameraSettings = Annotated[Equirectangular | Fisheye | Perspective, Field(discriminator="type")]
+
+__all__ = ["Camera", "CameraSettings", "Equirectangular", "Fisheye", "Perspective"]

@@ -1,0 +1,46 @@
+"""What every camera is: a size, a pose, and rays through its film."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ConfigDict, Field
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+Vector3 = tuple[float, float, float]
+
+
+class Camera(BaseModel):
+    """Base of the cameras: the settings of a ``[camera.NAME]`` table in a scene file.
+
+    Camera space has its origin at the camera, looks along +y, with x to the right and z up. ``rotation`` (XYZ Euler,
+    degrees) turns camera space into world; ``position`` is in metres, world. Where neither is given, the scene uses
+    the panorama's capture pose.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    type: Any
+    width: int = Field(gt=0, le=65536)
+    position: Vector3 | None = None
+    rotation: Vector3 | None = None
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        raise NotImplementedError
+
+    def camera_rays(self, film: mi.Point2f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f, mi.Bool]:
+        """Rays in camera space through points of the film.
+
+        Args:
+            film: positions on the film in [0, 1], x to the right, y down.
+            lens: uniform random numbers in [0, 1) for the aperture; cameras without one ignore them.
+
+        Returns:
+            ``(origins in metres, unit directions, inside)``, where ``inside`` is false for points of the film that
+            see nothing (outside a fisheye's circle).
+        """
+        raise NotImplementedError

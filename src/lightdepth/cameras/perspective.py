@@ -1,0 +1,65 @@
+"""The ordinary camera, with depth of field."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Literal
+
+from pydantic import Field, model_validator
+
+from lightdepth.cameras.camera import Camera, Vector3
+
+if TYPE_CHECKING:
+    import mitsuba as mi
+
+
+class Perspective(Camera):
+    """Thin-lens camera.
+
+    ``fov`` is the horizontal field of view in degrees; ``look_at`` replaces ``rotation``; ``aperture`` is the lens's
+    radius in metres (0: everything is sharp) and ``focus_distance`` the distance of the sharp plane in metres, which
+    defaults to the distance of ``look_at``. ``shift`` moves the image by these shares of its width, to the right and
+    up, as a shift lens does.
+    """
+
+    type: Literal["perspective"]
+    height: int = Field(gt=0, le=65536)
+    fov: float = Field(default=60.0, gt=0.0, lt=180.0)
+    look_at: Vector3 | None = None
+    aperture: float = Field(default=0.0, ge=0.0)
+    focus_distance: float | None = Field(default=None, gt=0.0)
+    shift: tuple[float, float] = (0.0, 0.0)
+
+    @model_validator(mode="after")
+    def _one_orientation_and_a_focus(self) -> Perspective:
+        if self.look_at is not None and self.rotation is not None:
+            raise ValueError("give rotation or look_at, not both")
+        if self.aperture > 0.0 and self.focus_distance is None and self.look_at is None:
+            raise ValueError("an aperture needs focus_distance or look_at")
+        return self
+
+    @property
+    def resolution(self) -> tuple[int, int]:  # noqa: D102
+        return self.width, self.height
+
+    def _sharp_distance(self) -> float:
+        """Distance of the plane in focus, metres."""
+        if self.focus_distance is not None:
+            return self.focus_distance
+        if self.look_at is not None and self.position is not None:
+            return math.dist(self.look_at, self.position)
+        return 1.0
+
+    def camera_rays(self, film: mi.Point2f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f, mi.Bool]:  # noqa: D102
+        import drjit as dr
+        import mitsuba as mi
+
+        half_width = math.tan(math.radians(0.5 * self.fov))
+        x = half_width * (2.0 * film.x - 1.0 + 2.0 * self.shift[0])
+        z = half_width * ((1.0 - 2.0 * film.y) * (self.height / self.width) + 2.0 * self.shift[1])
+        direction = mi.Vector3f(x, 1.0, z)
+        if self.aperture == 0.0:
+            return mi.Point3f(0.0), dr.normalize(direction), mi.Bool(True)
+        disk = self.aperture * mi.warp.square_to_uniform_disk_concentric(lens)
+        origin = mi.Point3f(disk.x, 0.0, disk.y)
+        return origin, dr.normalize(self._sharp_distance() * direction - origin), mi.Bool(True)

@@ -1,0 +1,1 @@
+"""The command line: one file a command, thin; the work is in the folders beneath."""

@@ -1,0 +1,34 @@
+"""The command `lightdepth`: the list of its commands, and how errors end it."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+from rich.console import Console
+
+from lightdepth.errors import LightdepthError
+
+app = typer.Typer(
+    name="lightdepth",
+    help="Render synthetic objects into 360 degree HDR panoramas that carry depth.",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+
+# Every command is listed here. The modules load nothing heavy before the command runs.
+
+
+def main() -> None:
+    """Run the command line; a known problem ends in one message and its exit status, without a traceback."""
+    try:
+        app()
+    except LightdepthError as error:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(f"[bold red]error:[/] {_plain(str(error))}")
+        sys.exit(error.exit_status)
+
+
+def _plain(message: str) -> str:
+    """The message with rich's markup switched off."""
+    return message.replace("[", r"\[")

@@ -1,0 +1,25 @@
+"""What a user is told when something is wrong: one message and an exit status, never a traceback."""
+
+from __future__ import annotations
+
+
+class LightdepthError(Exception):
+    """A problem that the program explains to its user in one message.
+
+    Attributes:
+        exit_status: the process's exit status when the command line meets this error.
+    """
+
+    exit_status = 1
+
+
+class InputError(LightdepthError):
+    """Bad input. The message names the file, the place in it, what was found and what is allowed."""
+
+    exit_status = 2
+
+
+class SetupError(LightdepthError):
+    """Something that must be installed is missing or too old. The message says what to install."""
+
+    exit_status = 2

@@ -1,0 +1,1 @@
+"""Accumulation, noise estimate, layers, tone mapping, denoising."""

@@ -1,0 +1,1 @@
+"""Image files: OpenEXR, Radiance HDR and PNG."""

@@ -1,0 +1,79 @@
+"""OpenEXR files by the format's own Python binding, several parts to a file."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+
+from lightdepth.errors import InputError
+
+
+@dataclass(frozen=True)
+class ExrPart:
+    """One part of an OpenEXR file.
+
+    Attributes:
+        channels: arrays of shape (height, width) by channel name; float16, float32 or uint32.
+        name: the part's name, unique in its file; may be empty in a file of one part.
+        header: further header attributes by name, in the types of the OpenEXR binding.
+    """
+
+    channels: Mapping[str, np.ndarray]
+    name: str = ""
+    header: Mapping[str, Any] = field(default_factory=dict)
+
+
+def read_exr(path: Path) -> list[ExrPart]:
+    """Read every part of an OpenEXR file, each channel as its own array of shape (height, width).
+
+    Raises:
+        InputError: the file is missing or is not a readable OpenEXR file.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            return [
+                ExrPart({name: channel.pixels for name, channel in part.channels.items()}, part.name(), part.header)
+                for part in file.parts
+            ]
+    except (RuntimeError, ValueError, OSError) as error:
+        raise InputError(f"{path}: not a readable OpenEXR file ({error})") from error
+
+
+def write_exr(path: Path, parts: Sequence[ExrPart]) -> None:
+    """Write an OpenEXR file, ZIP-compressed; the file appears whole or not at all.
+
+    Args:
+        path: where to write; an existing file is replaced.
+        parts: one part or more, each with channels of equal shape.
+
+    Raises:
+        InputError: the file cannot be written (folder missing, no permission, disk full).
+    """
+    exr_parts = []
+    for part in parts:
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **part.header}
+        channels = {name: np.ascontiguousarray(pixels) for name, pixels in part.channels.items()}
+        exr_parts.append(OpenEXR.Part(header, channels, part.name))
+    temporary = None
+    try:
+        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+        os.close(descriptor)
+        with OpenEXR.File(exr_parts) as file:
+            file.write(temporary)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+        temporary = None
+    except (OSError, RuntimeError) as error:
+        raise InputError(f"{path}: cannot be written ({error})") from error
+    finally:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)

@@ -1,0 +1,1 @@
+"""Mitsuba and Dr.Jit: the only folder that starts them and feeds them."""

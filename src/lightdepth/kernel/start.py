@@ -1,0 +1,102 @@
+"""Starting Mitsuba: libLLVM is found and checked before Dr.Jit is loaded, then a variant is chosen, once."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+from lightdepth.errors import InputError, SetupError
+
+Device = Literal["auto", "cpu", "cuda"]
+OLDEST_LLVM = 17
+_INSTALL_HINT = (
+    "Install it with `pip install karellen-llvm-core`, or set DRJIT_LIBLLVM_PATH to the file of a libLLVM shared "
+    f"library, version {OLDEST_LLVM} or later."
+)
+
+
+def find_libllvm() -> Path:
+    """Find the libLLVM shared library that Dr.Jit is to load.
+
+    Looked for in this order: the file that ``DRJIT_LIBLLVM_PATH`` names, the one that the wheel
+    ``karellen-llvm-core`` installs, then the system's.
+
+    Raises:
+        SetupError: there is none, or ``DRJIT_LIBLLVM_PATH`` names no file.
+    """
+    chosen = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if chosen:
+        if not Path(chosen).is_file():
+            raise SetupError(f"DRJIT_LIBLLVM_PATH is '{chosen}', which is not a file. {_INSTALL_HINT}")
+        return Path(chosen)
+    folders = [Path(sys.prefix) / "lib", *sorted(Path("/usr/lib").glob("*-linux-gnu"))]
+    folders += sorted(Path("/usr/lib").glob("llvm-*/lib"), reverse=True)
+    for folder in folders:
+        found = sorted(folder.glob("libLLVM*.so*"), key=_version_in_name, reverse=True)
+        if found and (_version_in_name(found[0]) == 0 or _version_in_name(found[0]) >= OLDEST_LLVM):
+            return found[0]
+    raise SetupError(f"libLLVM {OLDEST_LLVM} or later was not found. {_INSTALL_HINT}")
+
+
+def _version_in_name(library: Path) -> int:
+    """Major version that a library's file name tells, 0 where it tells none."""
+    match = re.search(r"libLLVM[-.](?:so\.)?(\d+)", library.name)
+    return int(match.group(1)) if match else 0
+
+
+def libllvm_version(library: Path) -> int:
+    """Major version of a libLLVM file, asked of the library itself.
+
+    Raises:
+        SetupError: the file cannot be loaded, or is older than Dr.Jit needs (an old one would abort the process).
+    """
+    try:
+        loaded = ctypes.CDLL(str(library))
+        major = ctypes.c_uint()
+        loaded.LLVMGetVersion(ctypes.byref(major), None, None)
+    except OSError as error:
+        raise SetupError(f"{library}: cannot be loaded as libLLVM ({error}). {_INSTALL_HINT}") from error
+    except AttributeError as error:
+        raise SetupError(
+            f"{library}: libLLVM of a version before 16 (it does not tell which). {_INSTALL_HINT}"
+        ) from error
+    if major.value < OLDEST_LLVM:
+        raise SetupError(f"{library}: libLLVM {major.value}, but {OLDEST_LLVM} or later is needed. {_INSTALL_HINT}")
+    return major.value
+
+
+@cache
+def start(device: Device = "auto") -> str:
+    """Load Mitsuba and choose its variant; calling it again does nothing.
+
+    Args:
+        device: ``cpu`` (LLVM), ``cuda``, or ``auto``: CUDA where it works, else LLVM.
+
+    Returns:
+        The variant's name.
+
+    Raises:
+        SetupError: libLLVM is missing, too old or broken, or another device was started before.
+        InputError: CUDA was asked for and is not there.
+    """
+    if device != "cuda":
+        library = find_libllvm()
+        libllvm_version(library)
+        os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+    import mitsuba as mi
+
+    if mi.variant() is None:
+        wanted = {"cpu": ["llvm_ad_rgb"], "cuda": ["cuda_ad_rgb"], "auto": ["cuda_ad_rgb", "llvm_ad_rgb"]}[device]
+        try:
+            mi.set_variant(*wanted)
+        except (ImportError, RuntimeError) as error:
+            if device == "cuda":
+                raise InputError(f"--device cuda: no usable CUDA device ({error}); allowed here: auto, cpu") from error
+            raise SetupError(f"Mitsuba did not start ({error})") from error
+        mi.set_log_level(mi.LogLevel.Error)
+    return mi.variant()

@@ -1,0 +1,1 @@
+"""The light-depth map: file, building, importance sampling, median cut."""

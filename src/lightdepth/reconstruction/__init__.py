@@ -1,0 +1,1 @@
+"""Panorama, clicks, depth or points to meshes of the real place."""

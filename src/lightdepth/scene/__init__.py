@@ -1,0 +1,1 @@
+"""The scene file, meshes and materials: one validated Scene of plain data."""

@@ -1,0 +1,130 @@
+"""The validated scene: plain, immutable data, with everything in world space, metres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.cameras import Camera
+from lightdepth.scene.materials import Material
+
+
+class Role(StrEnum):
+    """What a real surface does in the augmented scene (paper, section 5.1)."""
+
+    ENVIRONMENT = "environment"
+    SUPPORT = "support"
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles.
+
+    Attributes:
+        vertices: shape (n, 3), float32, world, metres.
+        faces: shape (m, 3), int32, counter-clockwise seen from outside.
+        normals: shading normals, shape (n, 3), float32, unit, world; ``None`` means flat faces.
+        texture_coordinates: shape (n, 2), float32, or ``None``; v grows upward in the image.
+        rest: environment texture coordinates (paper, section 5.8): where on the real place each vertex takes its
+            colour from, shape (n, 3), float32, world, metres; ``None`` means from where it is.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    normals: NDArray[np.float32] | None = None
+    texture_coordinates: NDArray[np.float32] | None = None
+    rest: NDArray[np.float32] | None = None
+
+
+@dataclass(frozen=True)
+class AnalyticShape:
+    """A shape that is traced exactly: one of Mitsuba's, as it is named there.
+
+    Attributes:
+        kind: sphere | cube | rectangle | disk | cylinder, of unit size as Mitsuba defines it.
+        to_world: shape (4, 4), float64.
+    """
+
+    kind: str
+    to_world: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Gloss:
+    """Specular lobe on a support surface: GGX roughness in [0, 1] and specular level in [0, 1] (0.5 is F0 = 4 %)."""
+
+    roughness: float
+    specular: float
+
+
+@dataclass(frozen=True)
+class RealSurface:
+    """A surface that exists in the photograph."""
+
+    name: str
+    mesh: Mesh
+    role: Role
+    gloss: Gloss | None = None
+
+
+@dataclass(frozen=True)
+class SyntheticPart:
+    """Geometry with one material."""
+
+    geometry: Mesh | AnalyticShape
+    material: Material
+
+
+@dataclass(frozen=True)
+class SyntheticObject:
+    """A new object; a glTF file may give it several parts."""
+
+    name: str
+    parts: tuple[SyntheticPart, ...]
+
+
+@dataclass(frozen=True)
+class Panorama:
+    """The photograph.
+
+    Attributes:
+        radiance: linear Rec.709, shape (height, 2 height, 3), float32, finite and not negative, scale applied.
+        position: capture point, shape (3,), float64, world, metres.
+        rotation: light space to world, shape (3, 3), float64.
+        depth: distances from the capture point in metres where the user gave them, shape (height, width), float32,
+            inf for sky; else ``None``.
+        path: the file it came from, for messages.
+    """
+
+    radiance: NDArray[np.float32]
+    position: NDArray[np.float64]
+    rotation: NDArray[np.float64]
+    depth: NDArray[np.float32] | None = None
+    path: Path | None = None
+
+
+@dataclass(frozen=True)
+class RenderSettings:
+    """The ``[render]`` table."""
+
+    samples: int = 64
+    noise: float | None = None
+    max_bounces: int = 8
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that a rendering needs."""
+
+    panorama: Panorama
+    real: tuple[RealSurface, ...] = ()
+    synthetic: tuple[SyntheticObject, ...] = ()
+    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    render: RenderSettings = field(default_factory=RenderSettings)
+    path: Path | None = None

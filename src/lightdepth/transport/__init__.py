@@ -1,0 +1,1 @@
+"""The integrators, beside the equations of the paper and of docs/theory.md."""
