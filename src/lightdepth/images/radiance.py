@@ -18,7 +18,7 @@ def _from_exr(path: Path) -> NDArray[np.float32]:
     missing = [name for name in "RGB" if name not in channels]
     if missing:
         raise InputError(
-            f"{path}: channels {', '.join(sorted(channels))} found, but {', '.join(missing)} missing; R, G and B are needed"
+            f"{path}: has channels {', '.join(sorted(channels))}; R, G and B are needed, missing: {', '.join(missing)}"
         )
     return np.stack([channels[name].astype(np.float32) for name in "RGB"], axis=-1)
 

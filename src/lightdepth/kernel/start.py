@@ -99,4 +99,4 @@ def start(device: Device = "auto") -> str:
                 raise InputError(f"--device cuda: no usable CUDA device ({error}); allowed here: auto, cpu") from error
             raise SetupError(f"Mitsuba did not start ({error})") from error
         mi.set_log_level(mi.LogLevel.Error)
-    return mi.variant()
+    return str(mi.variant())
