@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +11,7 @@ import numpy as np
 import OpenEXR
 
 from lightdepth.errors import InputError
+from lightdepth.images.writing import whole_file
 
 
 @dataclass(frozen=True)
@@ -20,7 +19,9 @@ class ExrPart:
     """One part of an OpenEXR file.
 
     Attributes:
-        channels: arrays of shape (height, width) by channel name; float16, float32 or uint32.
+        channels: arrays by channel name; float16, float32 or uint32. The shape is (height, width); for writing, the
+            names ``RGB`` and ``RGBA``, also behind a prefix as in ``glow.RGB``, take three or four channels at once
+            in one array of shape (height, width, 3 or 4).
         name: the part's name, unique in its file; may be empty in a file of one part.
         header: further header attributes by name, in the types of the OpenEXR binding.
     """
@@ -40,16 +41,20 @@ def read_exr(path: Path) -> list[ExrPart]:
         raise InputError(f"{path}: no such file")
     try:
         with OpenEXR.File(str(path), separate_channels=True) as file:
-            return [
-                ExrPart({name: channel.pixels for name, channel in part.channels.items()}, part.name(), part.header)
-                for part in file.parts
-            ]
+            return [_part(part) for part in file.parts]
     except (RuntimeError, ValueError, OSError) as error:
         raise InputError(f"{path}: not a readable OpenEXR file ({error})") from error
 
 
+def _part(part: OpenEXR.Part) -> ExrPart:
+    channels = {name: channel.pixels for name, channel in part.channels.items()}
+    return ExrPart(channels, part.name(), dict(part.header))  # A copy: closing the file empties the binding's own.
+
+
 def write_exr(path: Path, parts: Sequence[ExrPart]) -> None:
     """Write an OpenEXR file, ZIP-compressed; the file appears whole or not at all.
+
+    Contiguous arrays are written from where they are, without a copy.
 
     Args:
         path: where to write; an existing file is replaced.
@@ -63,17 +68,5 @@ def write_exr(path: Path, parts: Sequence[ExrPart]) -> None:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **part.header}
         channels = {name: np.ascontiguousarray(pixels) for name, pixels in part.channels.items()}
         exr_parts.append(OpenEXR.Part(header, channels, part.name))
-    temporary = None
-    try:
-        descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-        os.close(descriptor)
-        with OpenEXR.File(exr_parts) as file:
-            file.write(temporary)
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-        temporary = None
-    except (OSError, RuntimeError) as error:
-        raise InputError(f"{path}: cannot be written ({error})") from error
-    finally:
-        if temporary is not None:
-            Path(temporary).unlink(missing_ok=True)
+    with whole_file(path) as temporary, OpenEXR.File(exr_parts) as file:
+        file.write(str(temporary))
