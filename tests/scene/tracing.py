@@ -4,8 +4,13 @@ import mitsuba as mi
 import numpy as np
 
 
-def radiance(shapes, origins, directions, *, environment=1.0, samples=256, depth=12, more=None):
+def radiance(shapes, origins, directions, **settings):
     """Mean radiance along rays, shape (n, 3), in a constant environment."""
+    return radiance_and_error(shapes, origins, directions, **settings)[0]
+
+
+def radiance_and_error(shapes, origins, directions, *, environment=1.0, samples=256, depth=12, more=None):
+    """The same, and its standard error, shape (n, 3)."""
     constant = {"type": "constant", "radiance": {"type": "rgb", "value": [environment] * 3}}
     scene = mi.load_dict(
         {
@@ -23,4 +28,5 @@ def radiance(shapes, origins, directions, *, environment=1.0, samples=256, depth
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(7, o.shape[1])
     found = integrator.sample(scene, sampler, mi.RayDifferential3f(mi.Ray3f(mi.Point3f(o), mi.Vector3f(d))))[0]
-    return np.array(found).T.reshape(len(origins), samples, 3).mean(axis=1)
+    found = np.array(found, dtype=np.float64).T.reshape(len(origins), samples, 3)
+    return found.mean(axis=1), found.std(axis=1) / np.sqrt(samples)
