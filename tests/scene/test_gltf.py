@@ -1,15 +1,18 @@
 """glTF files: geometry in its place, and materials as they look under Mitsuba's own path tracer."""
 
+import io
 import json
 import math
 
 import numpy as np
 import pytest
 from gltf_writer import QUAD, gltf_document, png, write_glb
+from PIL import Image
 
 from lightdepth.errors import InputError
 from lightdepth.scene.materials import Principled
 from lightdepth.scene.meshes import read_mesh_file
+from lightdepth.scene.meshes.emissive import split_emissive
 from lightdepth.scene.meshes.mirrored import split_mirrored
 from lightdepth.scene.model import Scene, SyntheticObject, SyntheticPart
 
@@ -300,6 +303,34 @@ def test_cut_off_glb(tmp_path):
     (tmp_path / "cut.glb").write_bytes((tmp_path / "thing.glb").read_bytes()[:-100])
     with pytest.raises(InputError, match=r"cut.glb: the file is cut off"):
         read_mesh_file(tmp_path / "cut.glb", with_materials=True)
+
+
+def test_only_the_faces_that_shine_are_lamps(parts_of):
+    """Two quads side by side in the texture, the right half of which shines, and the same repeated to the right."""
+    quads = {
+        "POSITION": [[x + dx, 0, y] for x in (0, 1, 2, 3) for dx in (0, 1) for y in (0, 1)],
+        "TEXCOORD_0": [[(x + dx) / 2, y] for x in (0, 1, 2, 3) for dx in (0.2, 0.8) for y in (0.2, 0.8)],
+    }
+    faces = [[4 * q + i for i in triangle] for q in range(4) for triangle in ((0, 1, 2), (2, 1, 3))]
+    picture = np.zeros((16, 32, 3))
+    picture[:, 16:] = 255
+    document = gltf_document(
+        quads, faces, surface(emissiveFactor=[1, 1, 1], emissiveTexture={"index": 0}), [png(picture)]
+    )
+    (part,) = parts_of(document)
+    bright, dark = split_emissive(SyntheticPart(part.mesh, part.material))
+    assert sorted(set(bright.geometry.faces.ravel() // 4)) == [1, 3]
+    assert sorted(set(dark.geometry.faces.ravel() // 4)) == [0, 2]
+    assert "emitter" in bright.material.plugins()
+    assert "emitter" not in dark.material.plugins()
+
+
+def test_grey_images_of_16_bits_keep_their_values(parts_of):
+    stream = io.BytesIO()
+    Image.fromarray(np.full((2, 2), 0x8000, np.uint16)).save(stream, "png")
+    info = {"metallicRoughnessTexture": {"index": 0}}
+    (part,) = parts_of(gltf_document(material={"pbrMetallicRoughness": info}, images=[stream.getvalue()]))
+    assert part.material.roughness == pytest.approx(0.5, abs=0.005)
 
 
 @pytest.fixture(scope="module", params=["WaterBottle", "Avocado", "FlightHelmet"])
