@@ -94,10 +94,10 @@ def test_sky_stays_open_and_the_seam_and_the_poles_are_closed():
 def test_a_large_image_is_thinned_out():
     depth = box_depth(pixel_directions(300, 600) @ ROTATION.T).astype(np.float32)
     mesh = mesh_from_depth(depth, POSITION, ROTATION, max_width=256)
-    assert len(mesh.vertices) == 256 * 128 + 2
+    assert len(mesh.vertices) == 200 * 100 + 2
     offsets = mesh.vertices[1:-1] - POSITION
     distances = np.linalg.norm(offsets, axis=1)
-    check_distances(distances, box_depth(offsets / distances[:, None]), np.pi / 128)
+    check_distances(distances, box_depth(offsets / distances[:, None]), np.pi / 100)
 
 
 def test_a_real_sized_room_with_furniture_has_few_false_holes():

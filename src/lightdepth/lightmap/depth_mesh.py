@@ -31,7 +31,7 @@ def mesh_from_depth(
         depth: distance along the ray, metres, inf for sky, shape (height, 2 height), float32, positive.
         position: capture point, world, metres, shape (3,).
         rotation: light space to world, shape (3, 3).
-        max_width: a wider depth image is thinned out to this many columns, which bounds the mesh at ``max_width ** 2``
+        max_width: a wider depth image is thinned out to at most this many columns, which bounds the mesh at ``max_width ** 2``
             triangles.
 
     Returns:
@@ -39,14 +39,15 @@ def mesh_from_depth(
         without any where all is sky.
     """
     height, width = depth.shape
-    columns, rows = _thinned(width, max_width), _thinned(height, max_width // 2)
+    stride = -(-width // max_width)
+    columns, rows = np.arange(stride // 2, width, stride), np.arange(stride // 2, height, stride)
     u, v = np.broadcast_arrays((columns[None, :] + 0.5) / width, (rows[:, None] + 0.5) / height)
     reciprocal = 1.0 / depth[np.ix_(rows, columns)].astype(np.float64)
     reciprocal = np.vstack([_pole(reciprocal[0]), reciprocal, _pole(reciprocal[-1])])
     directions = _with_poles(latlong_to_direction(u, v))
     right, down = _joined(reciprocal, directions, axis=1), _joined(reciprocal, directions, axis=0)
     reciprocal[1:-1] += _slope(reciprocal[1:-1], right[1:-1], down[1:-1])
-    directions = _with_poles(latlong_to_direction(u + SHIFT / len(columns), v + SHIFT / len(rows)))
+    directions = _with_poles(latlong_to_direction(u + SHIFT * stride / width, v + SHIFT * stride / height))
     used, faces = np.unique(_faces(right, down), return_inverse=True)
     points = directions.reshape(-1, 3)[used] / reciprocal.reshape(-1, 1)[used]
     vertices = np.asarray(position) + points @ np.asarray(rotation).T
@@ -74,12 +75,6 @@ def _slope(reciprocal: NDArray[np.float64], right: NDArray[np.bool_], down: NDAr
     for ahead, back in ((to_right, np.roll(to_right, 1, axis=1)), (below, np.roll(below, 1, axis=0))):
         slope += np.nan_to_num(np.where(np.isnan(ahead), back, ahead))
     return SHIFT * slope
-
-
-def _thinned(count: int, largest: int) -> NDArray[np.intp]:
-    """Evenly spread indices, at most ``largest`` of ``count``."""
-    kept = min(count, largest)
-    return ((np.arange(kept) + 0.5) * count / kept).astype(np.intp)
 
 
 def _pole(row: NDArray[np.float64]) -> NDArray[np.float64]:
