@@ -32,8 +32,8 @@ def _touches_light(
 ) -> NDArray[np.bool_]:
     """Faces whose box in the texture has a texel that is not black, shape (m,).
 
-    Boxes are a texel or more wider on each side, for interpolation; one that spans more than the whole texture, or leaves a
-    texture that is not repeated, counts as shining.
+    Boxes are a texel or more wider on each side, for interpolation; one that spans more than the whole texture, or
+    leaves a texture that is not repeated, counts as shining.
     """
     bright = emission.pixels.any(axis=2)
     block = 8 if not any(n % 8 for n in bright.shape) else 1  # Blocks of texels make a small table.
