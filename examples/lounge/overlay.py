@@ -5,6 +5,7 @@ Usage: `python examples/lounge/overlay.py [OUT.png]`; the picture goes to `out/d
 
 from __future__ import annotations
 
+import itertools
 import sys
 import tomllib
 from pathlib import Path
@@ -43,7 +44,7 @@ def main() -> None:
             points = np.linspace(start, end, 200) - scene["panorama"]["position"]
             u, v = direction_to_latlong(points @ to_light.T)
             pixels = np.stack([u * WIDTH, v * WIDTH / 2], axis=1)
-            for a, b in zip(pixels[:-1], pixels[1:], strict=True):
+            for a, b in itertools.pairwise(pixels):
                 if abs(a[0] - b[0]) < WIDTH / 2:
                     cv2.line(
                         picture, tuple(a.astype(int)), tuple(b.astype(int)), COLORS[index % len(COLORS)], 1, cv2.LINE_AA
