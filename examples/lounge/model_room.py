@@ -67,12 +67,17 @@ def placed(mesh: trimesh.Trimesh, position: ArrayLike, degrees: float) -> trimes
 
 
 def floor() -> list[trimesh.Trimesh]:
-    """The floor of room and corridor, with the rug on it."""
+    """The floor of room and corridor with the rug on it, but not what lies under bed and cabinets."""
+
+    def patch(low: Sequence[float], high: Sequence[float]) -> trimesh.Trimesh:
+        return quad([low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0])
+
+    bed_foot, bed_sides = 0.36, (-0.58, 0.86)
     return [
-        quad([TV_WALL, DOOR_WALL, 0], [MIRROR, DOOR_WALL, 0], [MIRROR, CURTAIN_FOOT, 0], [TV_WALL, CURTAIN_FOOT, 0]),
-        quad(
-            [TV_WALL, CORRIDOR_END, 0], [CORRIDOR, CORRIDOR_END, 0], [CORRIDOR, DOOR_WALL, 0], [TV_WALL, DOOR_WALL, 0]
-        ),
+        patch([TV_WALL, DOOR_WALL], [bed_foot, CURTAIN_FOOT]),
+        patch([bed_foot, DOOR_WALL], [CABINETS, bed_sides[0]]),
+        patch([bed_foot, bed_sides[1]], [CABINETS + 0.1, CURTAIN_FOOT]),
+        patch([TV_WALL, CORRIDOR_END], [CORRIDOR, DOOR_WALL]),
     ]
 
 

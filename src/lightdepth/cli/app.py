@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from lightdepth.cli.check import check
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
@@ -32,6 +33,7 @@ def _options(
 
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
+app.command()(check)
 app.command()(lightmap)
 app.command()(render)
 

@@ -57,9 +57,9 @@ class RayCaster:
         start()
         import mitsuba as mi
 
-        from lightdepth.kernel.meshes import to_mitsuba_mesh
+        from lightdepth.kernel.shapes import mesh_shape
 
-        mesh = to_mitsuba_mesh("meshes", Mesh(vertices, faces.astype(np.int32)))
+        mesh = mesh_shape(Mesh(vertices, faces.astype(np.int32)))
         self._scene = mi.load_dict(
             {"type": "scene", "mesh": mesh, "embree_use_robust_intersections": True}, optimize=False
         )
