@@ -9,10 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-<<<<<<< HEAD
-=======
 from lightdepth.cli.check import check
->>>>>>> demo
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
@@ -36,14 +33,11 @@ def _options(
 
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
-<<<<<<< HEAD
 app.command()(render)
 app.command()(lightmap)
-=======
 app.command()(check)
 app.command()(lightmap)
 app.command()(render)
->>>>>>> demo
 
 
 def main() -> None:
