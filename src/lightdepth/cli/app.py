@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from lightdepth.cli.check import check
+from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
@@ -34,6 +35,7 @@ def _options(
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
 app.command()(check)
+app.command()(doctor)
 app.command()(lightmap)
 app.command()(render)
 
