@@ -88,9 +88,9 @@ class MetallicRoughness(mi.BSDF):
             name: props.get_texture(name, 0.0)
             for name in ("base_color", "metallic", "roughness", "clearcoat", "clearcoat_roughness")
         }
-        if props.has_property("tint"):
+        if "tint" in props:
             self._textures["tint"] = props.get_texture("tint", 1.0)
-        self._coated = props.has_property("clearcoat")
+        self._coated = "clearcoat" in props
         self._f0 = dr.opaque(mi.Float, float(props.get("f0", 0.04)))
         self._table = _albedo_table()
         lobes = [mi.BSDFFlags.DiffuseReflection, mi.BSDFFlags.GlossyReflection]

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lightdepth.errors import InputError
+from lightdepth.scene.materials.image import eight_bit
 
 _GLB_MAGIC, _GLB_JSON, _GLB_BINARY = b"glTF", b"JSON", b"BIN\0"
 UNDECODABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu", "EXT_mesh_gpu_instancing")
@@ -93,7 +94,7 @@ class GltfFile:
             data = self._resource(entry["uri"])
         try:
             with Image.open(io.BytesIO(data)) as image:
-                return np.asarray(image.convert("RGBA"))
+                return eight_bit(image, "RGBA")
         except (OSError, SyntaxError, Image.DecompressionBombError) as error:
             name = entry.get("name", entry.get("uri", ""))[:60]
             raise InputError(f"{self.path}: image {index} ({name}) cannot be read ({error})") from error
