@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from lightdepth.cli.check import check
+from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
@@ -36,6 +37,7 @@ def _options(
 app.command()(render)
 app.command()(lightmap)
 app.command()(check)
+app.command()(doctor)
 app.command()(lightmap)
 app.command()(render)
 
