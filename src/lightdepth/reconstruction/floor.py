@@ -84,9 +84,7 @@ def find_floor(
     return floor
 
 
-def _ransac(
-    points: FloatArray, tolerance: float, smallest_cosine: float, random: np.random.Generator
-) -> Plane | None:
+def _ransac(points: FloatArray, tolerance: float, smallest_cosine: float, random: np.random.Generator) -> Plane | None:
     """The nearly level plane with the most points, fitted to them by least squares."""
     corners = points[random.integers(len(points), size=(TRIALS, 3))]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -125,7 +125,9 @@ def floor_plan(directions: FloatArray, pose: Pose, floor: float) -> FloatArray:
             f"--floor: the side from corner {i + 1} crosses the side from corner {j + 1}; click the corners in order around the floor"
         )
     if not contains(corners, pose.position[:2]):
-        raise InputError("--floor: the capture point does not stand on the floor that was clicked; is a corner missing?")
+        raise InputError(
+            "--floor: the capture point does not stand on the floor that was clicked; is a corner missing?"
+        )
     return corners if signed_area(corners) > 0 else corners[::-1].copy()
 
 
@@ -146,7 +148,9 @@ def ceiling_height(direction: FloatArray, corners: FloatArray, pose: Pose) -> fl
     world = pose.to_world(direction)
     elevation = np.degrees(np.arcsin(np.clip(world[2], -1.0, 1.0)))
     if elevation < 0.5:
-        raise InputError(f"--ceiling-corner: the click looks {elevation:+.1f} degrees from the horizon; it must be above")
+        raise InputError(
+            f"--ceiling-corner: the click looks {elevation:+.1f} degrees from the horizon; it must be above"
+        )
     offsets = corners - pose.position[:2]
     azimuths = np.degrees(np.arctan2(offsets[:, 0], offsets[:, 1]) - np.arctan2(world[0], world[1]))
     beside = np.abs((azimuths + 180.0) % 360.0 - 180.0)
@@ -238,7 +242,9 @@ def panel(furniture: Furniture, pose: Pose, floor: float) -> list[RealSurface]:
     across, seen_from = line[-1] - line[0], pose.position[:2] - line[0]
     if across[0] * seen_from[1] - across[1] * seen_from[0] > 0:
         line = line[::-1]
-    return [RealSurface(furniture.name, _upright(line, floor, floor + furniture.height, closed=False), Role.ENVIRONMENT)]
+    return [
+        RealSurface(furniture.name, _upright(line, floor, floor + furniture.height, closed=False), Role.ENVIRONMENT)
+    ]
 
 
 def _outline(furniture: Furniture, pose: Pose, floor: float) -> FloatArray:
