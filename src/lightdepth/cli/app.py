@@ -7,6 +7,7 @@ import sys
 import typer
 from rich.console import Console
 
+from lightdepth.cli.lightmap import lightmap
 from lightdepth.errors import LightdepthError
 
 app = typer.Typer(
@@ -18,6 +19,7 @@ app = typer.Typer(
 )
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
+app.command()(lightmap)
 
 
 def main() -> None:
