@@ -22,6 +22,15 @@ LARGEST_HOLE = np.radians(60.0)
 """Half-angle of a hole that is closed by going on with the surfaces around it; larger ones are closed flatly."""
 
 
+FILTER_WIDTH = 9
+"""Pixels."""
+FILTER_RANGE = 4.0
+"""Standard deviations of the noise."""
+NOISE_LEVELS = 12
+NEGLIGIBLE_NOISE = 2e-5
+"""Of the reciprocal distance, as a share; below it is rounding."""
+
+
 @dataclass(frozen=True)
 class DepthImage:
     """Distances from the capture point, as they were measured.
@@ -133,6 +142,49 @@ def fill_missing(image: DepthImage) -> FloatArray:
     reciprocal = np.divide(1.0, image.depth, out=np.zeros_like(image.depth), where=~missing)
     filled = continued(reciprocal, missing, ~missing)
     return np.divide(1.0, filled, out=np.full_like(filled, np.inf), where=filled > 0.0)
+
+
+def denoised(image: DepthImage) -> DepthImage:
+    """The image without the measurement's noise, as far as neighbouring pixels tell it apart from shape.
+
+    A bilateral filter (Tomasi and Manduchi, 1998) on the reciprocal distance, which leaves planes and jumps as they are.
+    Its range follows the noise at each distance; an exact image is not changed.
+    """
+    reciprocal = 1.0 / fill_missing(image)
+    seen = reciprocal > 0.0
+    levels, noise = _noise(reciprocal, seen & ~image.missing)
+    if len(levels) < 2 or np.median(noise / levels) < NEGLIGIBLE_NOISE:
+        return image
+    # On the scale s with ds = dq / noise(q) the noise is 1 everywhere.
+    scale = np.concatenate([[0.0], np.cumsum(np.diff(levels) * 0.5 * (1.0 / noise[1:] + 1.0 / noise[:-1]))])
+    levels = np.concatenate([[levels[0] - 1e3 * noise[0]], levels, [levels[-1] + 1e3 * noise[-1]]])
+    scale = np.concatenate([[scale[0] - 1e3], scale, [scale[-1] + 1e3]])
+    half = FILTER_WIDTH // 2
+    # Over a pole the panorama goes on at the opposite longitude.
+    opposite = np.roll(reciprocal, reciprocal.shape[1] // 2, axis=1)
+    around = np.vstack([opposite[:half][::-1], reciprocal, opposite[-half:][::-1]])
+    around = np.interp(np.pad(around, ((0, 0), (half, half)), mode="wrap"), levels, scale).astype(np.float32)
+    smooth = cv2.bilateralFilter(around, FILTER_WIDTH, FILTER_RANGE, FILTER_WIDTH / 3.0)[half:-half, half:-half]
+    depth = 1.0 / np.interp(smooth.astype(np.float64), scale, levels)
+    kept = (reciprocal < levels[1]) | (reciprocal > levels[-2])  # Sky, and what is too rare to know its noise.
+    return DepthImage(np.where(kept | image.missing, image.depth, depth))
+
+
+def _noise(reciprocal: FloatArray, measured: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Standard deviation of the noise at some levels of the reciprocal distance q, each of shape (n,).
+
+    Along a meridian a plane has ``q(t + d) + q(t - d) = 2 cos(d) q(t)``; what deviates is noise, but for edges, which the
+    median ignores.
+    """
+    q = reciprocal[1:-1]
+    whole = measured[1:-1] & measured[:-2] & measured[2:]
+    deviation = np.abs(q - (reciprocal[:-2] + reciprocal[2:]) / (2.0 * np.cos(np.pi / len(reciprocal))))[whole]
+    order = np.argsort(q[whole])
+    groups = [group for group in np.array_split(order, NOISE_LEVELS) if len(group) >= 50]
+    levels = np.array([np.median(q[whole][group]) for group in groups])
+    noise = np.array([1.4826 / np.sqrt(1.5) * np.median(deviation[group]) for group in groups])
+    distinct = np.concatenate([[True], np.diff(levels) > 0.0]) if groups else np.zeros(0, dtype=bool)
+    return levels[distinct], np.maximum(noise[distinct], 1e-9)
 
 
 def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray[np.bool_]) -> FloatArray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
@@ -144,3 +145,10 @@ def _part(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> Mesh:
     """The given faces with only the vertices that they use."""
     used, compact = np.unique(faces, return_inverse=True)
     return Mesh(vertices[used], compact.reshape(faces.shape).astype(np.int32))
+
+
+def spread_points(mesh: Mesh, count: int = SAMPLE, seed: int = 0) -> FloatArray:
+    """Points spread evenly over a mesh's area, shape (count, 3)."""
+    surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    points, _ = trimesh.sample.sample_surface(surface, count, seed=seed)
+    return np.asarray(points, dtype=np.float64)
