@@ -8,6 +8,7 @@ import typer
 from rich.console import Console
 
 from lightdepth.cli.lightmap import lightmap
+from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.errors import LightdepthError
 
 app = typer.Typer(
@@ -20,6 +21,7 @@ app = typer.Typer(
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
 app.command()(lightmap)
+app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 
 
 def main() -> None:

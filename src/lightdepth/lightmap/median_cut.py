@@ -73,7 +73,7 @@ def median_cut(radiance: NDArray[np.float32], depth: NDArray[np.float32], count:
         here = (slice(top, bottom), slice(left, right))
         weights = energy[here] if energy[here].sum() > 0 else solid_angles[here]
         direction = np.einsum("ij,ijk->k", weights, directions[here])
-        length = np.linalg.norm(direction)
+        length = float(np.linalg.norm(direction))
         if length < 1e-9 * weights.sum():  # A rectangle around the whole sphere has no mean direction.
             direction, length = directions[(top + bottom) // 2, (left + right) // 2], 1.0
         lights.append((direction / length, _weighted_median(depth[here], weights)))
@@ -93,7 +93,7 @@ def _cut(energy: NDArray[np.float64], count: int) -> list[tuple[int, int, int, i
     summed = np.zeros((height + 1, width + 1))
     np.cumsum(np.cumsum(energy, axis=0), axis=1, out=summed[1:, 1:])
     todo = [(-summed[-1, -1], 0, height, 0, width)]
-    done = []
+    done: list[tuple[int, int, int, int]] = []
     while todo and len(todo) + len(done) < count:
         negative, top, bottom, left, right = heapq.heappop(todo)
         # The longer side on the sphere: columns narrow toward the poles.

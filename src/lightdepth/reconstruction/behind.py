@@ -25,8 +25,8 @@ GAP = 0.98
 def surface_behind(depth: FloatArray, pose: Pose) -> Mesh:
     """Go on with the far side of every jump in depth behind its near side.
 
-    From the capture point the cut between the two is then closed, and from beside it one looks at the wall behind an object, not
-    through a gap.
+    From the capture point the cut between the two is then closed, and from beside it one looks at the wall behind an
+    object, not through a gap.
 
     Args:
         depth: metres along the ray, inf for sky, shape (height, 2 height), float64, positive.

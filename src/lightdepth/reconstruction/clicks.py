@@ -59,13 +59,13 @@ def parse_clicks(text: str, size: tuple[int, int] | None, what: str) -> FloatArr
         except ValueError as error:
             raise InputError(f"{what}: '{word}' is no click; write each as x,y with a space between clicks") from error
         clicks.append((x, y))
-    x, y = np.array(clicks, dtype=np.float64).reshape(-1, 2).T
+    across, down = np.array(clicks, dtype=np.float64).reshape(-1, 2).T
     if size is None:
         low, high, unit = np.array([-360.0, -90.0]), np.array([360.0, 90.0]), "degrees"
-        u, v = x / 360.0 + 0.5, 0.5 - y / 180.0
+        u, v = across / 360.0 + 0.5, 0.5 - down / 180.0
     else:
         low, high, unit = np.zeros(2), np.array([size[1], size[0]], dtype=np.float64), "pixels"
-        u, v = x / size[1], y / size[0]
+        u, v = across / size[1], down / size[0]
     for i, click in enumerate(clicks):
         if not np.all((np.array(click) >= low) & (np.array(click) <= high)):
             raise InputError(
@@ -97,7 +97,8 @@ def on_level(directions: FloatArray, pose: Pose, height: float, what: str) -> Fl
         if angle * np.sign(rise) < HORIZON:
             side = "below" if rise < 0 else "above"
             raise InputError(
-                f"{what}: click {i + 1} looks {angle:+.1f} degrees from the horizon, but the plane at height {height:g} m "
-                f"lies {side} the capture point (height {pose.position[2]:g} m); it must be clicked {side} the horizon"
+                f"{what}: click {i + 1} looks {angle:+.1f} degrees from the horizon, but the plane at height "
+                f"{height:g} m lies {side} the capture point (height {pose.position[2]:g} m); it must be clicked "
+                f"{side} the horizon"
             )
     return pose.position[:2] + world[:, :2] * (rise / world[:, 2])[:, None]

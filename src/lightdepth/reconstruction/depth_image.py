@@ -76,8 +76,8 @@ def read_depth_image(path: Path, scale: float | None = None, sky: bool = False) 
         raise InputError(f"{path}: '{path.suffix}' is not a format for depth; allowed are .exr, .png (16 bit), .npy")
     if values.ndim != 2 or values.shape[1] != 2 * values.shape[0] or values.shape[0] < 8:
         raise InputError(
-            f"{path}: depth has shape {values.shape}; rows and columns are needed, twice as many columns as rows, and at "
-            "least 8 rows"
+            f"{path}: depth has shape {values.shape}; rows and columns are needed, twice as many columns as rows, and "
+            "at least 8 rows"
         )
     depth = values * (1.0 if scale is None else scale)
     depth[~(depth > 0.0)] = np.inf if sky else np.nan
@@ -147,8 +147,8 @@ def fill_missing(image: DepthImage) -> FloatArray:
 def denoised(image: DepthImage) -> DepthImage:
     """The image without the measurement's noise, as far as neighbouring pixels tell it apart from shape.
 
-    A bilateral filter (Tomasi and Manduchi, 1998) on the reciprocal distance, which leaves planes and jumps as they are.
-    Its range follows the noise at each distance; an exact image is not changed.
+    A bilateral filter (Tomasi and Manduchi, 1998) on the reciprocal distance, which leaves planes and jumps as they
+    are. Its range follows the noise at each distance; an exact image is not changed.
     """
     reciprocal = 1.0 / fill_missing(image)
     seen = reciprocal > 0.0
@@ -159,22 +159,46 @@ def denoised(image: DepthImage) -> DepthImage:
     scale = np.concatenate([[0.0], np.cumsum(np.diff(levels) * 0.5 * (1.0 / noise[1:] + 1.0 / noise[:-1]))])
     levels = np.concatenate([[levels[0] - 1e3 * noise[0]], levels, [levels[-1] + 1e3 * noise[-1]]])
     scale = np.concatenate([[scale[0] - 1e3], scale, [scale[-1] + 1e3]])
-    half = FILTER_WIDTH // 2
-    # Over a pole the panorama goes on at the opposite longitude.
-    opposite = np.roll(reciprocal, reciprocal.shape[1] // 2, axis=1)
-    around = np.vstack([opposite[:half][::-1], reciprocal, opposite[-half:][::-1]])
-    around = np.interp(np.pad(around, ((0, 0), (half, half)), mode="wrap"), levels, scale).astype(np.float32)
-    smooth = cv2.bilateralFilter(around, FILTER_WIDTH, FILTER_RANGE, FILTER_WIDTH / 3.0)[half:-half, half:-half]
-    depth = 1.0 / np.interp(smooth.astype(np.float64), scale, levels)
+    smooth = _bilateral(np.interp(reciprocal, levels, scale))
+    depth = 1.0 / np.interp(smooth, scale, levels)
     kept = (reciprocal < levels[1]) | (reciprocal > levels[-2])  # Sky, and what is too rare to know its noise.
     return DepthImage(np.where(kept | image.missing, image.depth, depth))
+
+
+def _bilateral(image: FloatArray) -> FloatArray:
+    """Bilateral filter of a panorama whose noise has a standard deviation of 1.
+
+    Toward the poles, where columns are narrower than rows are high, it works on means of 2, 4, 8 ... columns, so that it
+    is about as wide as high everywhere.
+    """
+    height, width = image.shape
+    half = FILTER_WIDTH // 2
+    narrowness = np.sin(np.pi * (np.arange(height) + 0.5) / height)
+    result = np.empty_like(image)
+    step = 1
+    while True:
+        means = image.reshape(height, width // step, step).mean(axis=2)
+        # Over a pole the panorama goes on at the opposite longitude.
+        opposite = np.roll(means, means.shape[1] // 2, axis=1)
+        around = np.vstack([opposite[:half][::-1], means, opposite[-half:][::-1]])
+        around = np.pad(around, ((0, 0), (half, half)), mode="wrap").astype(np.float32)
+        smooth = cv2.bilateralFilter(around, FILTER_WIDTH, FILTER_RANGE, FILTER_WIDTH / 3.0)[half:-half, half:-half]
+        position = (np.arange(width) + 0.5) / step - 0.5
+        left = np.floor(position).astype(int)
+        share = position - left
+        fine = smooth[:, left % smooth.shape[1]] * (1.0 - share) + smooth[:, (left + 1) % smooth.shape[1]] * share
+        rows = narrowness <= 1.0 / step
+        result[rows] = fine[rows]
+        step *= 2
+        if not rows.any() or width % (2 * step) or width // step < 4 * FILTER_WIDTH:
+            return result
 
 
 def _noise(reciprocal: FloatArray, measured: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
     """Standard deviation of the noise at some levels of the reciprocal distance q, each of shape (n,).
 
-    Along a meridian a plane has ``q(t + d) + q(t - d) = 2 cos(d) q(t)``; what deviates is noise, but for edges, which the
-    median ignores.
+    Along a meridian a plane has ``q(t + d) + q(t - d) = 2 cos(d) q(t)``; what deviates is noise, but for edges, which
+    the median ignores.
     """
     q = reciprocal[1:-1]
     whole = measured[1:-1] & measured[:-2] & measured[2:]

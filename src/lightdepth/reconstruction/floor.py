@@ -137,14 +137,15 @@ def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03) -> tuple[Mesh
     on_floor = near & (steepness > 0.7 * lengths)
     used = np.unique(mesh.faces[on_floor])
     vertices[used] -= heights[used, None] * floor.normal
-    flat = vertices.astype(np.float32)
-    return _part(flat, mesh.faces[on_floor]), _part(flat, mesh.faces[~on_floor])
+    flat = Mesh(vertices.astype(np.float32), mesh.faces)
+    return part_of(flat, on_floor), part_of(flat, ~on_floor)
 
 
-def _part(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> Mesh:
-    """The given faces with only the vertices that they use."""
+def part_of(mesh: Mesh, chosen: NDArray[np.bool_]) -> Mesh:
+    """The faces where a mask of shape (m,) is true, with only the vertices that they use."""
+    faces = mesh.faces[chosen]
     used, compact = np.unique(faces, return_inverse=True)
-    return Mesh(vertices[used], compact.reshape(faces.shape).astype(np.int32))
+    return Mesh(mesh.vertices[used], compact.reshape(faces.shape).astype(np.int32))
 
 
 def spread_points(mesh: Mesh, count: int = SAMPLE, seed: int = 0) -> FloatArray:

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import KDTree
 
 from lightdepth.errors import InputError
 from lightdepth.reconstruction.cleaning import smoothed, thinned, without_outliers
 from lightdepth.reconstruction.clicks import Pose
-from lightdepth.reconstruction.floor import Plane, find_floor
+from lightdepth.reconstruction.floor import Plane, find_floor, part_of
 from lightdepth.reconstruction.from_depth import Measured, split_roles
 from lightdepth.reconstruction.point_cloud import PointCloud
 from lightdepth.reconstruction.poisson import poisson_surface
@@ -20,6 +21,8 @@ FloatArray = NDArray[np.float64]
 
 POINTS_PER_CELL = 2.0
 """A cell of the surface is this many times as wide as the spacing of the points that it is made from."""
+OPEN_CELLS = 4.0
+"""Where nothing was measured within this many cells, the surface is the reconstruction's own invention."""
 
 
 def surfaces_from_points(
@@ -28,6 +31,8 @@ def surfaces_from_points(
     cell: float = 0.04,
     most_faces: int = 300_000,
     floor_tolerance: float | None = 0.03,
+    *,
+    keep_open: bool = False,
     progress: Callable[[str, float], None] = lambda step, share: None,
 ) -> Measured:
     """Make a closed surface of a scanned place.
@@ -38,10 +43,11 @@ def surfaces_from_points(
         cell: size of the finest details, metres.
         most_faces: of the surface.
         floor_tolerance: largest distance of a floor point from the floor's plane, metres; ``None`` looks for no floor.
+        keep_open: leave out the parts of the surface that no point lies near, as toward the sky.
         progress: called with the step's name and the share of it that is done.
 
     Returns:
-        ``floor`` (support) and ``place`` (environment); together they are closed.
+        ``floor`` (support) and ``place`` (environment); together they are closed, but for ``keep_open``.
 
     Raises:
         InputError: too few points are left after cleaning, or there is no floor.
@@ -63,6 +69,9 @@ def surfaces_from_points(
         normals = np.concatenate([normals, np.broadcast_to(floor.normal, added.shape)])
     progress("Reconstructing the surface", 0.0)
     mesh = poisson_surface(points, normals, cell, most_faces)
+    if keep_open:
+        near = KDTree(points).query(mesh.vertices)[0] < OPEN_CELLS * cell
+        mesh = part_of(mesh, near[mesh.faces].all(axis=1))
     progress("Reconstructing the surface", 1.0)
     found, surfaces = split_roles(mesh, pose, floor_tolerance)
     return Measured(surfaces, found)

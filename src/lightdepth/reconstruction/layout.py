@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
 from lightdepth.reconstruction.clicks import Pose, on_level, parse_clicks
+from lightdepth.reconstruction.place import Place
 from lightdepth.reconstruction.polygon import contains, crossing_sides, signed_area, triangulate
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
@@ -22,8 +23,9 @@ FloatArray = NDArray[np.float64]
 CORNER_REACH = 5.0
 """A ceiling corner is clicked at most this many degrees of azimuth beside its floor corner."""
 FURNITURE_FORM = (
-    "write it as 'NAME: x,y x,y x,y height=METRES', with the name left out if you like, and at the end, where it applies, "
-    "'top=support' (the top of a box receives shadows) and 'clicked=top' (the clicks are the corners of a box's top)"
+    "write it as 'NAME: x,y x,y x,y height=METRES', with the name left out if you like, and at the end, where it "
+    "applies, 'top=support' (the top of a box receives shadows) and 'clicked=top' (the clicks are the corners of a "
+    "box's top)"
 )
 
 
@@ -55,6 +57,89 @@ class Furniture:
         """
         level = floor + self.height if self.clicked_top else floor
         return on_level(self.directions, pose, level, f"{self.option} {self.name}")
+
+
+@dataclass(frozen=True)
+class Clicked:
+    """What was clicked, as it was written on the command line.
+
+    Attributes:
+        floor: the floor's corners, in order around it; ``None`` outdoors.
+        ceiling_corner: one corner of the ceiling, or ``None``.
+        boxes: furniture.
+        tables: table tops.
+        panels: upright sheets.
+    """
+
+    floor: str | None = None
+    ceiling_corner: str | None = None
+    boxes: Sequence[str] = ()
+    tables: Sequence[str] = ()
+    panels: Sequence[str] = ()
+
+
+def surfaces_from_layout(
+    clicked: Clicked,
+    place: Place,
+    *,
+    camera_height: float | None = None,
+    ceiling: float | None = None,
+    ground_radius: float | None = None,
+    angles: bool = False,
+) -> list[RealSurface]:
+    """Make a place from clicks.
+
+    Args:
+        clicked: the clicks.
+        place: the panorama and its pose.
+        camera_height: of the capture point above the floor, metres; ``None`` puts the floor at z = 0.
+        ceiling: its height above the floor, metres; ``None`` takes it from the clicked corner.
+        ground_radius: of a ground disk, metres, instead of a room; ``None`` makes a room.
+        angles: clicks are degrees instead of pixels.
+
+    Returns:
+        The surfaces, world, metres: closed, or outdoors open to the sky.
+
+    Raises:
+        InputError: something was clicked or written wrong.
+    """
+    pose = place.pose
+    size = None if angles or place.radiance is None else place.radiance.shape[:2]
+    floor = 0.0 if camera_height is None else float(pose.position[2] - camera_height)
+    if pose.position[2] <= floor:
+        raise InputError(
+            f"the capture point is at height {pose.position[2]:g} m and the floor at 0; give --camera-height, or a "
+            "pose in which the floor is at height 0"
+        )
+    if ground_radius is not None:
+        surfaces = ground(pose.position, floor, ground_radius)
+    else:
+        corners = floor_plan(parse_clicks(clicked.floor or "", size, "--floor"), pose, floor)
+        if ceiling is not None:
+            top = floor + ceiling
+        else:
+            clicks = parse_clicks(clicked.ceiling_corner or "", size, "--ceiling-corner")
+            if len(clicks) != 1:
+                raise InputError(f"--ceiling-corner: {len(clicks)} clicks found; one is needed")
+            top = ceiling_height(clicks[0], corners, pose)
+        if top <= pose.position[2]:
+            raise InputError(
+                f"--ceiling: the ceiling is {top - floor:g} m above the floor, but the camera is "
+                f"{pose.position[2] - floor:g} m above it; the ceiling must be higher"
+            )
+        surfaces = room(corners, floor, top)
+    for option, texts, make in (
+        ("--box", clicked.boxes, box),
+        ("--table", clicked.tables, table),
+        ("--panel", clicked.panels, panel),
+    ):
+        for number, text in enumerate(texts, start=1):
+            surfaces += make(parse_furniture(text, size, option, number), pose, floor)
+    names = [surface.name for surface in surfaces]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"'{twice}' is the name of two surfaces; names are unique")
+    return surfaces
 
 
 def parse_furniture(text: str, size: tuple[int, int] | None, option: str, number: int) -> Furniture:
@@ -122,7 +207,8 @@ def floor_plan(directions: FloatArray, pose: Pose, floor: float) -> FloatArray:
     if crossing is not None:
         i, j = crossing
         raise InputError(
-            f"--floor: the side from corner {i + 1} crosses the side from corner {j + 1}; click the corners in order around the floor"
+            f"--floor: the side from corner {i + 1} crosses the side from corner {j + 1}; click the "
+            "corners in order around the floor"
         )
     if not contains(corners, pose.position[:2]):
         raise InputError(
@@ -157,8 +243,8 @@ def ceiling_height(direction: FloatArray, corners: FloatArray, pose: Pose) -> fl
     nearest = int(np.argmin(beside))
     if beside[nearest] > CORNER_REACH:
         raise InputError(
-            f"--ceiling-corner: the nearest floor corner is {beside[nearest]:.1f} degrees of azimuth away; click a ceiling "
-            f"corner within {CORNER_REACH:g} degrees of a corner of --floor"
+            f"--ceiling-corner: the nearest floor corner is {beside[nearest]:.1f} degrees of azimuth away; click a "
+            f"ceiling corner within {CORNER_REACH:g} degrees of a corner of --floor"
         )
     return float(pose.position[2] + np.linalg.norm(offsets[nearest]) * np.tan(np.radians(elevation)))
 
@@ -261,7 +347,7 @@ def _outline(furniture: Furniture, pose: Pose, floor: float) -> FloatArray:
     return corners if signed_area(corners) > 0 else corners[::-1].copy()
 
 
-def _level(points: FloatArray, height: float, faces: NDArray[np.int_]) -> Mesh:
+def _level(points: FloatArray, height: float, faces: NDArray[np.integer]) -> Mesh:
     vertices = np.column_stack([points, np.full(len(points), height)])
     return Mesh(vertices.astype(np.float32), np.ascontiguousarray(faces, dtype=np.int32))
 

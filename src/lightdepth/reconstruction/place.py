@@ -70,6 +70,24 @@ def read_place(
     return Place(Pose(np.array(position), euler_rotation(rotation)), rotation, radiance, image)
 
 
+def parse_three(text: str | None, option: str) -> Three | None:
+    """Read ``x,y,z``.
+
+    Raises:
+        InputError: it is not three finite numbers.
+    """
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+        finite = bool(np.isfinite([x, y, z]).all())
+    except ValueError:
+        finite = False
+    if not finite:
+        raise InputError(f"{option} '{text}': write three numbers as x,y,z")
+    return x, y, z
+
+
 def _panorama_table(path: Path) -> PanoramaTable:
     try:
         text = path.read_text(encoding="utf-8")

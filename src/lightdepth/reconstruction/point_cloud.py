@@ -63,7 +63,7 @@ def read_points(
         raise
     except Exception as error:  # The packages that read these formats raise whatever they meet.
         raise InputError(f"{path}: not a readable {path.suffix} file of points ({error})") from error
-    cloud = cloud.chosen(np.isfinite(cloud.points).all(axis=1))
+    cloud = cloud.chosen(np.all(np.isfinite(cloud.points), axis=1))
     if len(cloud.points) < 100:
         raise InputError(f"{path}: has {len(cloud.points)} points with finite coordinates; at least 100 are needed")
     turn = np.eye(3) if up == "z" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])

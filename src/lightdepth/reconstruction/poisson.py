@@ -1,7 +1,8 @@
 """Closed surfaces from oriented points: screened Poisson reconstruction (Kazhdan and Hoppe, 2013) by PyMeshLab.
 
 PyMeshLab runs in a process of its own: it brings an OpenMP whose threads spin, which on a busy machine costs twenty
-times the work unless it is told so before it is loaded, and a crash in it ends in a message instead of taking the program along.
+times the work unless it is told so before it is loaded, and a crash in it ends in a message instead of taking the
+program along.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import tomlkit
@@ -15,18 +14,10 @@ from tomlkit.items import AoT
 from lightdepth.errors import InputError
 from lightdepth.images.writing import whole_file
 from lightdepth.reconstruction.place import Place
-from lightdepth.scene.model import RealSurface
+from lightdepth.scene.model import RealSurface, Role
 
 
-@dataclass(frozen=True)
-class WrittenSurface:
-    """A surface and the PLY file that holds it."""
-
-    surface: RealSurface
-    path: Path
-
-
-def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> list[WrittenSurface]:
+def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> None:
     """Write each surface as ``NAME.ply`` (binary) into a folder, which is made where it is missing.
 
     Raises:
@@ -36,17 +27,18 @@ def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> list[WrittenS
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
-    written = []
     for surface in surfaces:
-        path = folder / f"{surface.name}.ply"
         mesh = trimesh.Trimesh(surface.mesh.vertices, surface.mesh.faces, process=False)
-        with whole_file(path) as temporary:
+        with whole_file(mesh_path(surface, folder)) as temporary:
             temporary.write_bytes(mesh.export(file_type="ply"))
-        written.append(WrittenSurface(surface, path))
-    return written
 
 
-def with_surfaces(scene: Path, place: Place, written: Sequence[WrittenSurface]) -> str:
+def mesh_path(surface: RealSurface, folder: Path) -> Path:
+    """Where a surface's mesh is written."""
+    return folder / f"{surface.name}.ply"
+
+
+def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], folder: Path) -> str:
     """The text of a scene file with a ``[[real]]`` table for each surface; all else stays as the person wrote it.
 
     A table of the same name gets the new mesh and role and loses a placement, for the mesh is in world space. Where the
@@ -55,26 +47,30 @@ def with_surfaces(scene: Path, place: Place, written: Sequence[WrittenSurface]) 
     Args:
         scene: the scene file; paths in it are relative to its folder.
         place: what the surfaces were made for.
-        written: the surfaces.
+        surfaces: of the place.
+        folder: of their meshes.
 
     Raises:
         InputError: the file is not a readable TOML file or its ``real`` is no array of tables.
     """
     document = _parsed(scene) if scene.exists() else _new_document(scene, place)
-    tables = document.setdefault("real", tomlkit.aot())
+    tables = document.get("real")
+    if tables is None:
+        tables = document["real"] = tomlkit.aot()
     if not isinstance(tables, AoT):
         raise InputError(f"{scene}: 'real' must be an array of tables, each under its own [[real]]")
-    for item in written:
-        surface = item.surface
+    for surface in surfaces:
         table = next((table for table in tables if table.get("name") == surface.name), None)
         if table is None:
-            table = tomlkit.table()
+            tables.append(tomlkit.table())
+            table = tables[-1]
             table["name"] = surface.name
-            tables.append(table)
-        table["mesh"] = _relative(item.path, scene)
+        table["mesh"] = _relative(mesh_path(surface, folder), scene)
         table["role"] = surface.role.value
-        for key in ("position", "rotation", "scale", "rest", *(["gloss"] if surface.role.value != "support" else [])):
+        for key in ("position", "rotation", "scale", "rest"):
             table.pop(key, None)
+        if surface.role is not Role.SUPPORT:
+            table.pop("gloss", None)
     return tomlkit.dumps(document)
 
 
@@ -102,6 +98,7 @@ def _new_document(scene: Path, place: Place) -> tomlkit.TOMLDocument:
     panorama["image"] = _relative(place.image, scene)
     panorama["position"] = [round(float(x), 5) for x in place.pose.position]
     panorama["rotation"] = [float(x) for x in place.rotation_degrees]
+    panorama.add(tomlkit.nl())
     document = tomlkit.document()
     document["panorama"] = panorama
     return document
