@@ -161,15 +161,15 @@ def denoised(image: DepthImage) -> DepthImage:
     scale = np.concatenate([[scale[0] - 1e3], scale, [scale[-1] + 1e3]])
     smooth = _bilateral(np.interp(reciprocal, levels, scale))
     depth = 1.0 / np.interp(smooth, scale, levels)
-    kept = (reciprocal < levels[1]) | (reciprocal > levels[-2])  # Sky, and what is too rare to know its noise.
+    kept = ~seen | (reciprocal < levels[0]) | (reciprocal > levels[-1])
     return DepthImage(np.where(kept | image.missing, image.depth, depth))
 
 
 def _bilateral(image: FloatArray) -> FloatArray:
     """Bilateral filter of a panorama whose noise has a standard deviation of 1.
 
-    Toward the poles, where columns are narrower than rows are high, it works on means of 2, 4, 8 ... columns, so that it
-    is about as wide as high everywhere.
+    Toward the poles, where columns are narrower than rows are high, it works on means of 2, 4, 8 ... columns, so that
+    it is about as wide as high everywhere.
     """
     height, width = image.shape
     half = FILTER_WIDTH // 2
