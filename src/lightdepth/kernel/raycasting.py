@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.kernel.real_surfaces import face_normals
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import Mesh
 
@@ -50,19 +51,16 @@ class RayCaster:
         vertex_offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
         vertices = np.concatenate([np.asarray(mesh.vertices, dtype=np.float32) for mesh in meshes])
         faces = np.concatenate([mesh.faces + first for mesh, first in zip(meshes, vertex_offsets, strict=False)])
-        a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
-        normals = np.cross(b - a, c - a)
-        lengths = np.linalg.norm(normals, axis=1, keepdims=True)
-        self._normals = np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0).astype(np.float32)
+        self._normals = face_normals(vertices, faces)
         start()
         import mitsuba as mi
 
-        from lightdepth.kernel.meshes import to_mitsuba_mesh
+        from lightdepth.kernel.shapes import mesh_shape
 
-        mesh = to_mitsuba_mesh("meshes", Mesh(vertices, faces.astype(np.int32)))
-        self._scene = mi.load_dict(
-            {"type": "scene", "mesh": mesh, "embree_use_robust_intersections": True}, optimize=False
-        )
+        mesh = mesh_shape(Mesh(vertices, faces.astype(np.int32)))
+        # By default, rays that pass exactly through a vertex or an edge may slip through the mesh.
+        settings = {"type": "scene", "embree_use_robust_intersections": True}
+        self._scene = mi.load_dict({**settings, "mesh": mesh}, optimize=False)
 
     def cast(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> Hits:
         """Find what rays hit first.
