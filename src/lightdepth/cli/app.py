@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import sys
+from importlib import metadata
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.reconstruct import app as reconstruct
+from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
 
 app = typer.Typer(
@@ -19,9 +22,20 @@ app = typer.Typer(
     add_completion=False,
 )
 
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", is_eager=True, help="Print the version and exit.")] = False,
+) -> None:
+    if version:
+        typer.echo(metadata.version("lightdepth"))
+        raise typer.Exit
+
+
 # Every command is listed here. The modules load nothing heavy before the command runs.
 app.command()(lightmap)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
+app.command()(render)
 
 
 def main() -> None:
