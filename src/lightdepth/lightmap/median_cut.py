@@ -9,15 +9,14 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.directions import pixel_directions, pixel_solid_angles
+from lightdepth.directions import direction_to_latlong, pixel_directions, pixel_solid_angles
 from lightdepth.errors import InputError
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
-"""Rec.709 weights of linear R, G and B."""
+from lightdepth.images.tonemapping import LUMINANCE
 
 
 @dataclass(frozen=True)
@@ -38,6 +37,31 @@ class PointLights:
     power: NDArray[np.float64]
     solid_angle: NDArray[np.float64]
     rectangle: NDArray[np.int64]
+
+    def to_world(self, position: NDArray[np.float64], rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The lights' positions, world, metres, shape (k, 3); infinite or NaN components where the light is sky.
+
+        Args:
+            position: capture point, world, metres, shape (3,).
+            rotation: light space to world, shape (3, 3).
+        """
+        with np.errstate(invalid="ignore"):
+            return position + self.position @ rotation.T
+
+    def as_rows(self, position: NDArray[np.float64], rotation: NDArray[np.float64]) -> list[dict[str, Any]]:
+        """The lights as rows of a table: direction and position in the world, ``None`` for the position of sky."""
+        directions = self.direction @ rotation.T
+        return [
+            {
+                "direction": [round(float(x), 6) for x in direction],
+                "position": [round(float(x), 4) for x in place] if np.isfinite(place).all() else None,
+                "power": [float(x) for x in power],
+                "solid_angle": float(solid_angle),
+            }
+            for direction, place, power, solid_angle in zip(
+                directions, self.to_world(position, rotation), self.power, self.solid_angle, strict=True
+            )
+        ]
 
 
 def median_cut(radiance: NDArray[np.float32], depth: NDArray[np.float32], count: int) -> PointLights:
@@ -68,19 +92,21 @@ def median_cut(radiance: NDArray[np.float32], depth: NDArray[np.float32], count:
 
     directions = pixel_directions(height, width)
     solid_angles = np.broadcast_to(pixel_solid_angles(height, width)[:, None], (height, width))
-    lights = []
+    means = []
     for top, bottom, left, right in rectangles:
         here = (slice(top, bottom), slice(left, right))
         weights = energy[here] if energy[here].sum() > 0 else solid_angles[here]
-        direction = np.einsum("ij,ijk->k", weights, directions[here])
-        length = float(np.linalg.norm(direction))
-        if length < 1e-9 * weights.sum():  # A rectangle around the whole sphere has no mean direction.
-            direction, length = directions[(top + bottom) // 2, (left + right) // 2], 1.0
-        lights.append((direction / length, _weighted_median(depth[here], weights)))
-    direction = np.array([light[0] for light in lights])
-    distance = np.array([light[1] for light in lights])
+        mean = np.einsum("ij,ijk->k", weights, directions[here])
+        length = float(np.linalg.norm(mean))
+        # A rectangle around the whole sphere may have no mean direction.
+        lost = length < 1e-9 * weights.sum()
+        means.append(directions[(top + bottom) // 2, (left + right) // 2] if lost else mean / length)
+    direction = np.array(means)
+    # The light lies on the surface that is seen there, where the paper's visibility tests look for it.
+    u, v = direction_to_latlong(direction)
+    distance = depth[np.minimum((v * height).astype(int), height - 1), np.minimum((u * width).astype(int), width - 1)]
     with np.errstate(invalid="ignore"):
-        position = np.where(direction == 0.0, 0.0, direction * distance[:, None])
+        position = np.where(direction == 0.0, 0.0, direction * distance[:, None].astype(np.float64))
     total = np.array([power[t:b, left:right].sum(axis=(0, 1)) for t, b, left, right in rectangles])
     covered = np.array([solid_angles[t:b, left:right].sum() for t, b, left, right in rectangles])
     order = np.argsort(-(total @ LUMINANCE), kind="stable")
@@ -117,10 +143,3 @@ def _half(running: NDArray[np.float64]) -> int:
     """Where a running sum is nearest to the middle of its range; never at either end."""
     middle = 0.5 * (running[0] + running[-1])
     return 1 + int(np.argmin(np.abs(running[1:-1] - middle)))
-
-
-def _weighted_median(values: NDArray[np.float32], weights: NDArray[np.float64]) -> float:
-    """The value at which half of the weight is reached; inf takes part."""
-    order = np.argsort(values, axis=None)
-    running = np.cumsum(weights.ravel()[order])
-    return float(values.ravel()[order][np.searchsorted(running, 0.5 * running[-1])])
