@@ -12,6 +12,8 @@ from rich.console import Console
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
+from lightdepth.cli.lightmap import lightmap
+from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
 
@@ -39,6 +41,8 @@ app.command()(lightmap)
 app.command()(check)
 app.command()(doctor)
 app.command()(lightmap)
+app.command()(lightmap)
+app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.command()(render)
 
 
