@@ -88,7 +88,7 @@ def angles_to_directions(angles: ArrayLike, option: str) -> FloatArray:
     if outside.any():
         at = int(np.argmax(outside))
         raise InputError(
-            f"{option}: the angles {right.flat[at]:g},{up.flat[at]:g} are out of range; allowed are -360 to 360 degrees "
-            "to the right and -90 to 90 degrees up"
+            f"{option}: the angles {right.flat[at]:g},{up.flat[at]:g} are out of range; allowed are -360 to 360 "
+            "degrees to the right and -90 to 90 degrees up"
         )
     return latlong_to_direction(right / 360.0 + 0.5, 0.5 - up / 180.0)

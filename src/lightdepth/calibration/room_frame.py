@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,7 +55,7 @@ class RoomFrame:
     axis: NDArray[np.int64]
 
 
-def find_room_frame(arcs: Arcs, seed: int = 0) -> RoomFrame:
+def find_room_frame(arcs: Arcs, progress: Callable[[float], None] = lambda share: None, seed: int = 0) -> RoomFrame:
     """Find the three perpendicular directions that most edges point along (a Manhattan frame).
 
     Frames through the vanishing points of random triples of edges are scored by how much length of edges points along
@@ -63,6 +64,7 @@ def find_room_frame(arcs: Arcs, seed: int = 0) -> RoomFrame:
 
     Args:
         arcs: the panorama's straight edges.
+        progress: is called with the share done, in [0, 1].
         seed: for the random triples.
 
     Raises:
@@ -70,19 +72,20 @@ def find_room_frame(arcs: Arcs, seed: int = 0) -> RoomFrame:
     """
     if len(arcs) < 20:
         raise InputError(
-            f"automatic calibration: {len(arcs)} straight edges found, at least 20 are needed; use a floor rectangle or "
-            "verticals instead"
+            f"automatic calibration: {len(arcs)} straight edges found, at least 20 are needed; use a floor rectangle "
+            "or verticals instead"
         )
     random = np.random.default_rng(seed)
     rotation = _search(arcs, random, 1500)
     level, heading, agree = [], [], []
-    for _ in range(HALVES):
+    for number in range(HALVES):
         half = arcs.take(random.permutation(len(arcs))[: len(arcs) // 2])
         other = _nearest_quarter_turn(_search(half, random, 400), rotation)
         step = other @ rotation.T
         level.append(np.degrees(np.arccos(np.clip(step[2, 2], -1.0, 1.0))))
         heading.append(abs(np.degrees(np.arctan2(step[1, 0], step[0, 0]))))
         agree.append(np.degrees(np.arccos(np.clip((np.trace(step) - 1) / 2, -1.0, 1.0))) < AGREEMENT)
+        progress((number + 1) / HALVES)
     deviation = arcs.deviation(rotation)
     axis = np.abs(deviation).argmin(axis=0)
     deviation = np.take_along_axis(deviation, axis[None], axis=0)[0]

@@ -7,6 +7,7 @@ import sys
 import typer
 from rich.console import Console
 
+from lightdepth.cli.calibrate import calibrate
 from lightdepth.errors import LightdepthError
 
 app = typer.Typer(
@@ -18,6 +19,12 @@ app = typer.Typer(
 )
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
+app.command()(calibrate)
+
+
+@app.callback(help=app.info.help)
+def _commands() -> None:
+    """A command is always named, even were there only one."""
 
 
 def main() -> None:
