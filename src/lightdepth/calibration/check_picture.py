@@ -21,7 +21,7 @@ AXIS_COLOURS = ((235, 70, 60), (90, 200, 70), (80, 140, 255))
 CLICK_COLOUR = (255, 210, 40)
 ASSUMED_HEIGHT = 1.6
 """Metres of the camera above the floor, for the grid only, where no cue gives it."""
-FARTHEST = 20.0
+FARTHEST = 12.0
 """Metres to which the grid is drawn."""
 
 
@@ -117,24 +117,21 @@ class _Pen:
 
 
 def _blend_floor_grid(picture: Picture, rotation: FloatArray, position: FloatArray) -> None:
-    """Blend lines of one pixel or more where the floor's x or y is a whole number of metres."""
+    """Blend lines of a few pixels where the floor's x or y is a whole number of metres; they fade with distance."""
     height, width = picture.shape[:2]
     directions = pixel_directions(height, width) @ rotation.T
-    down = -directions[..., 2]
-    distance = np.divide(position[2], down, out=np.full(down.shape, np.inf), where=down > 1e-3)
-    floor = distance < FARTHEST
-    x = position[0] + distance[floor] * directions[..., 0][floor]
-    y = position[1] + distance[floor] * directions[..., 1][floor]
-    pixel = np.pi / height * distance[floor] ** 2 / position[2]  # Metres of floor that a pixel spans at most.
-    cover = np.zeros(x.shape)
-    for coordinate in (x, y):
-        for spacing, strength in ((1.0, 0.45), (5.0, 0.9)):
-            off = np.abs(coordinate - spacing * np.round(coordinate / spacing))
-            line = np.clip(1.5 - off / np.minimum(pixel, 0.25 * spacing), 0.0, 1.0)
+    distance = position[2] / np.maximum(-directions[..., 2], 1e-3)
+    cover = np.zeros((height, width))
+    for axis in (0, 1):
+        metres = position[axis] + distance * directions[..., axis]
+        pixel = np.hypot(*np.gradient(metres))  # How much a step of one pixel changes it.
+        for spacing, strength in ((1.0, 0.4), (5.0, 0.8)):
+            off = np.abs(metres - spacing * np.round(metres / spacing))
+            line = np.clip(0.5 + width / 2048 - off / np.maximum(pixel, 1e-9), 0.0, 1.0)
             cover = np.maximum(cover, strength * line)
-    cover *= np.clip(1.5 - 1.5 * distance[floor] / FARTHEST, 0.0, 1.0)
-    under = picture[floor].astype(np.float64)
-    picture[floor] = np.rint(under + cover[:, None] * (255.0 - under)).astype(np.uint8)
+    cover *= np.clip(1.5 * (1.0 - distance / FARTHEST), 0.0, 1.0)
+    under = picture.astype(np.float64)
+    picture[:] = np.rint(under + cover[..., None] * (255.0 - under))
 
 
 def _draw_horizon(pen: _Pen) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lightdepth.calibration.arcs import Arcs
 from lightdepth.directions import FloatArray, direction_to_latlong, euler_rotation
+from lightdepth.images.tonemapping import LUMINANCE
 
 VIEW_DEGREES = 80.0
 VIEWS = tuple(
@@ -30,15 +31,15 @@ def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None]
     that several views see is kept from the one whose centre is nearest to it.
 
     Args:
-        radiance: the panorama, linear RGB, shape (height, 2 height, 3).
+        radiance: the panorama, linear RGB, finite, shape (height, 2 height, 3), float32.
         progress: is called with the share done, in [0, 1].
 
     Returns:
         The edges as arcs of great circles in light space.
     """
+    if radiance.shape[1] > LARGEST_WIDTH:
+        radiance = cv2.resize(radiance, (LARGEST_WIDTH, LARGEST_WIDTH // 2), interpolation=cv2.INTER_AREA)
     brightness = _display_brightness(radiance)
-    if brightness.shape[1] > LARGEST_WIDTH:
-        brightness = cv2.resize(brightness, (LARGEST_WIDTH, LARGEST_WIDTH // 2), interpolation=cv2.INTER_AREA)
     half_width = np.tan(np.radians(VIEW_DEGREES / 2))
     # A little finer than the panorama at the view's centre.
     size = round(1.3 * 2 * half_width * brightness.shape[1] / (2 * np.pi))
@@ -63,8 +64,7 @@ def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None]
 
 def _display_brightness(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     """Logarithm of luminance, scaled so that the picture's darkest and brightest parts are at 0 and 1, float32."""
-    finite = np.nan_to_num(np.asarray(radiance, dtype=np.float64), nan=0.0, posinf=0.0, neginf=0.0)
-    luminance = finite @ np.array([0.2126, 0.7152, 0.0722])
+    luminance = radiance @ LUMINANCE
     lit = luminance[luminance > 0]
     if lit.size == 0:
         return np.zeros(luminance.shape, dtype=np.float32)

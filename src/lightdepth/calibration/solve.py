@@ -118,7 +118,7 @@ def calibrate(cues: Cues, origin: str = "corner") -> Calibration:
     problem = _Problem(cues, rectangle)
     warnings += problem.warnings
     start = problem.start()
-    solution = least_squares(problem.errors, start, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12)
+    solution = least_squares(problem.errors, start, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-10)
     rotation, camera, corners = problem.unpack(solution.x)
     zero = np.zeros(3)
     if corners is not None and camera is not None and origin != "corner":
@@ -127,7 +127,8 @@ def calibrate(cues: Cues, origin: str = "corner") -> Calibration:
     clicked = [value for name, value in residuals.items() if name != "room"]
     counts = [problem.click_counts[name] for name in residuals if name != "room"]
     residual = float(np.sqrt(np.average(np.square(clicked), weights=counts))) if clicked else residuals["room"]
-    covariance = np.linalg.pinv(solution.jac.T @ solution.jac)[:3, :3]
+    information, axes = np.linalg.eigh(solution.jac.T @ solution.jac)
+    covariance = ((axes / np.maximum(information, 1e-2)) @ axes.T)[:3, :3]
     result = Calibration(
         rotation=rotation,
         position=camera - zero if camera is not None else None,
@@ -181,13 +182,14 @@ class _Problem:
         self.warnings: list[str] = []
         self.turns_freely = rectangle is not None and cues.heading is not None
         self.room = cues.room
-        others = rectangle is not None or cues.verticals is not None
+        others = rectangle is not None or (cues.verticals is not None and len(cues.verticals) >= 3)
         if self.room is not None and self.room.confidence < 0.5 and others:
             self.warnings.append(
                 f"the automatic directions were left out: their confidence is only {self.room.confidence:.2f}"
             )
             self.room = None
         self._parallelogram = fit_parallelogram(rectangle.corners) if rectangle is not None else None
+        self._tangents = tangents(rectangle.corners) if rectangle is not None else np.empty((0, 2, 3))
         self._start_rotation = self._first_rotation()
         self._room_heading = self._room_direction()
         self.click_counts = {
@@ -204,7 +206,8 @@ class _Problem:
         else:
             assert self.cues.verticals is not None
             normals = self.cues.verticals.normal
-            up = np.linalg.eigh(normals.T @ normals)[1][:, 0]
+            # Where the verticals leave it open, near the zenith.
+            up = np.linalg.eigh(normals.T @ normals - np.diag([0.0, 0.0, 1e-6]))[1][:, 0]
             up *= 1.0 if up[2] >= 0 else -1.0
             rotation = _heading_rotation(up, np.array([0.0, 1.0, 0.0]), 0.0)
         if self.cues.heading is not None:
@@ -296,10 +299,11 @@ class _Problem:
     def _corner_errors(self, vector: FloatArray) -> FloatArray:
         """Angles between clicked and solved corners along two axes, degrees, shape (4, 2)."""
         rotation, camera, corners = self.unpack(vector)
-        assert self.rectangle is not None and camera is not None and corners is not None
+        assert camera is not None
+        assert corners is not None
         seen = (corners - camera) @ rotation
         seen /= np.linalg.norm(seen, axis=1, keepdims=True)
-        return np.degrees(np.einsum("nij,nj->ni", tangents(self.rectangle.corners), seen))
+        return np.degrees(np.einsum("nij,nj->ni", self._tangents, seen))
 
     def _heading_error(self, rotation: FloatArray) -> FloatArray:
         """By how much the rotation misses what decides the heading alone; empty where that is not a direction."""
