@@ -16,10 +16,11 @@ from lightdepth.errors import InputError
 TOLERANCE = 0.5
 """Degrees by which the ends of an edge may be off for it to count fully or partly."""
 
-HORIZONTAL_WEIGHT = 0.1
+HORIZONTAL_WEIGHT = 0.03
 """Weight of a horizontal edge beside a vertical one. Gravity makes verticals plumb; walls are only roughly square to
-each other, and a stitched panorama stretches heights more than it leans verticals. Horizontals are left to decide the
-heading, and the level where there are hardly any verticals."""
+each other, and a stitched panorama stretches heights more than it leans verticals. These errors are shared by many
+edges, so that their number does not lessen them. Horizontals are left to decide the heading, and the level where there
+are hardly any verticals."""
 
 HALVES = 16
 """How many random halves of the edges are solved anew for the confidence."""

@@ -42,7 +42,7 @@ def write_pose(scene: Path, rotation: Sequence[float], position: Sequence[float]
         panorama["position"] = _numbers(position)
     panorama["rotation"] = _numbers(rotation)
     with whole_file(scene) as temporary:
-        text = tomlkit.dumps(document)
+        text = tomlkit.dumps(document).rstrip("\r\n") + "\n"
         if "\r\n" in text:  # New lines end as the file's own do.
             text = text.replace("\r\n", "\n").replace("\n", "\r\n")
         temporary.write_bytes(text.encode("utf-8"))

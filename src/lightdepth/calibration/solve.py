@@ -51,7 +51,7 @@ class Cues:
     bearing: float = 0.0
     room: RoomFrame | None = None
     camera_height: float | None = None
-    click_error: float = 0.25
+    click_error: float = 0.2
 
 
 @dataclass(frozen=True)
@@ -339,8 +339,8 @@ def _doubts(result: Calibration, cues: Cues) -> list[str]:
         warnings.append(f"the panorama would be tilted by {result.tilt:.0f} degrees: is the rectangle on the floor?")
     if result.expected_error > 1.0:
         warnings.append(
-            f"the rotation is only known to about {result.expected_error:.1f} degrees: add verticals, or click a "
-            "rectangle that is larger or nearer"
+            f"the rotation is only known to about {result.expected_error:.1f} degrees: add another "
+            "cue (verticals, automatic), or click a rectangle that is larger or nearer"
         )
     if cues.room is not None and result.confidence is not None and result.confidence < 0.5:
         warnings.append(

@@ -66,7 +66,10 @@ def calibrate(
     ] = False,
     click_error: Annotated[
         float | None,
-        typer.Option(help="How far clicks may be off (standard deviation), in pixels, with --angles in degrees."),
+        typer.Option(
+            help="How far clicks may be off (standard deviation), in pixels (default 1), with --angles in "
+            "degrees (default 0.2)."
+        ),
     ] = None,
     write: Annotated[
         Path | None, typer.Option(help="Scene file to write the pose into; all else in it stays.", metavar="SCENE")
@@ -122,7 +125,7 @@ def calibrate(
     verticals = [_directions(text, 2, "--vertical", size) for text in vertical or []]
     toward = _directions(heading, 1, "--heading", size)[0] if heading is not None else None
     if click_error is None:
-        click_error = 0.25 if angles else 1.5
+        click_error = 0.2 if angles else 1.0
     room = _find_room(radiance, show_progress=not json_output) if auto else None
     result = solve(
         Cues(
@@ -204,19 +207,17 @@ def _print(report: dict[str, Any], as_json: bool) -> None:
         return "  ".join(f"{value:.{decimals}f}" for value in values)
 
     table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_row("rotation", numbers(report["rotation"], 3), "degrees, XYZ Euler, light space to world")
+    table.add_row("rotation", numbers(report["rotation"], 3), "degrees, XYZ Euler, light to world")
     if report["position"]:
         table.add_row("position", numbers(report["position"], 3), "metres, world")
     else:
-        table.add_row("position", "unknown", "give --camera-height, or a floor rectangle with a known side")
+        table.add_row("position", "unknown", "give --camera-height or a floor rectangle")
     if report["rectangle_size"]:
         table.add_row("rectangle", numbers(report["rectangle_size"], 3), "metres, width and length")
-    table.add_row("tilt", f"{report['tilt']:.2f}", "degrees between the panorama's zenith and the world's")
+    table.add_row("tilt", f"{report['tilt']:.2f}", "degrees from the panorama's zenith")
     cues = ", ".join(f"{name} {value:.3f}" for name, value in report["residuals"].items())
     table.add_row("residual", f"{report['residual']:.3f}", f"degrees ({cues})")
-    table.add_row(
-        "expected error", f"{report['expected_error']:.2f}", "degrees of the rotation, one standard deviation"
-    )
+    table.add_row("expected error", f"{report['expected_error']:.2f}", "degrees, one standard deviation")
     if report["confidence"] is not None:
         table.add_row("confidence", f"{report['confidence']:.2f}", "of the automatic directions, 0 to 1")
     Console(highlight=False).print(table)
