@@ -15,6 +15,7 @@ from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.render import render
+from lightdepth.cli.calibrate import calibrate
 from lightdepth.errors import LightdepthError
 
 app = typer.Typer(
@@ -44,6 +45,12 @@ app.command()(lightmap)
 app.command()(lightmap)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.command()(render)
+app.command()(calibrate)
+
+
+@app.callback(help=app.info.help)
+def _commands() -> None:
+    """A command is always named, even were there only one."""
 
 
 def main() -> None:
