@@ -208,12 +208,13 @@ def _reference(
     reference: NDArray[np.float32] | None = None
     for index in sorted(range(count), key=lambda index: abs(index - count // 2)):
         radiance, weight = readings(index)
-        shows = (weight > 0.2).all(axis=2)
+        quality = weight.min(axis=2)
         if reference is None:
-            reference, known = radiance.copy(), shows
+            reference, best = radiance.copy(), quality
         else:
-            reference[shows & ~known] = radiance[shows & ~known]
-            known |= shows
+            # A well exposed pixel stays; a poor one gives way to any better, for its noise would look like a ghost.
+            better = (best < 0.95) & (quality > best)
+            reference[better], best = radiance[better], np.where(better, quality, best)
         tick("looking for ghosts")
     assert reference is not None
     return reference
