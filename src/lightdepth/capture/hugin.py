@@ -65,6 +65,7 @@ def find_poses(
     projection: str,
     fov: float,
     rig: Rig | None,
+    rolls: Sequence[float],
     circular: bool,
     progress: Callable[[str], None],
 ) -> tuple[Path, Path]:
@@ -76,6 +77,7 @@ def find_poses(
         projection: a key of :data:`lightdepth.capture.lens.PROJECTIONS`.
         fov: degrees across an image's width, as far as known.
         rig: orientations as far as known; the first image then keeps its own.
+        rolls: degrees by which the camera was turned about its axis, where no rig is known.
         circular: the images are black outside the circle within their square.
         progress: called before each step with its name.
 
@@ -91,6 +93,8 @@ def find_poses(
     if rig is not None:
         poses = ",".join(f"y{index}={yaw},p{index}={pitch},r{index}=0" for index, (yaw, pitch) in enumerate(rig))
         project = _edit(folder, project, "rig.pto", f"--set={poses}")
+    elif any(rolls):
+        project = _edit(folder, project, "rolls.pto", "--set=" + ",".join(f"r{i}={roll}" for i, roll in enumerate(rolls)))
     progress("control points")
     strategy = "--prealigned" if rig is not None else "--multirow"
     run("cpfind", strategy, "--sieve2size", "3", "-o", "matched.pto", project, folder=folder)

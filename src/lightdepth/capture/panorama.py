@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -39,16 +39,13 @@ def natural_width(lenses: Sequence[Lens]) -> int:
     return max(64, round(2.0 * np.pi * density / 64.0) * 64)
 
 
-def blend(
-    photographs: Sequence[Photograph], photometry: Photometry, width: int, progress: Callable[[int, int], None]
-) -> Panorama:
+def blend(photographs: Sequence[Photograph], photometry: Photometry, width: int) -> Panorama:
     """Remap photographs and blend them by weights that fall toward their edges.
 
     Args:
         photographs: with optimised lenses and poses.
         photometry: corrections to apply.
         width: of the panorama in pixels, even.
-        progress: called with how many of how many photographs are done.
     """
     height = width // 2
     total = np.zeros((height, width, 3), dtype=np.float32)
@@ -69,7 +66,6 @@ def blend(
                 seen = cv2.remap(pixels, *maps, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
                 total[rows] += seen * share[..., None]
                 weights[rows] += share
-        progress(index + 1, len(photographs))
     covered = weights > 0.0
     np.divide(total, weights[..., None], out=total, where=covered[..., None])
     return Panorama(total, covered)
