@@ -83,7 +83,9 @@ def read_exif(path: Path) -> Exposure:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except Exception as error:  # Damaged files surface as whatever the parser met.
-        raise InputError(f"{path}: its EXIF data cannot be read ({error}); --exposures can state the exposure") from error
+        raise InputError(
+            f"{path}: its EXIF data cannot be read ({error}); --exposures can state the exposure"
+        ) from error
     time = _number(tags, "EXIF ExposureTime")
     if time is None or time <= 0.0:
         raise InputError(

@@ -91,10 +91,12 @@ def find_poses(
     if circular:
         project = _edit(folder, project, "circle.pto", "--crop=100%,100%")
     if rig is not None:
-        poses = ",".join(f"y{index}={yaw},p{index}={pitch},r{index}=0" for index, (yaw, pitch) in enumerate(rig))
+        poses = ",".join(f"y{i}={yaw},p{i}={pitch},r{i}={roll}" for i, (yaw, pitch, roll) in enumerate(rig))
         project = _edit(folder, project, "rig.pto", f"--set={poses}")
     elif any(rolls):
-        project = _edit(folder, project, "rolls.pto", "--set=" + ",".join(f"r{i}={roll}" for i, roll in enumerate(rolls)))
+        project = _edit(
+            folder, project, "rolls.pto", "--set=" + ",".join(f"r{i}={roll}" for i, roll in enumerate(rolls))
+        )
     progress("control points")
     strategy = "--prealigned" if rig is not None else "--multirow"
     run("cpfind", strategy, "--sieve2size", "3", "-o", "matched.pto", project, folder=folder)

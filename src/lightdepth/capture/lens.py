@@ -124,3 +124,15 @@ class Lens:
             theta = 2.0 * np.arctan(ideal / 2.0)
         scale = np.sin(theta) / np.maximum(distorted, 1e-12)
         return np.stack([right * scale, np.cos(theta), -down * scale], axis=-1) @ self.rotation.T
+
+
+def horizontal_fov(focal_length_35mm: float, width: int, height: int) -> float:
+    """Field of view across a rectilinear photograph's width in degrees.
+
+    Args:
+        focal_length_35mm: millimetres on 24 x 36 mm film with the same diagonal field of view, as EXIF states it.
+        width: of the photograph in pixels.
+        height: of the photograph in pixels.
+    """
+    diagonal = np.hypot(36.0, 24.0) / 2.0 / focal_length_35mm
+    return float(2.0 * np.degrees(np.arctan(diagonal * width / np.hypot(width, height))))

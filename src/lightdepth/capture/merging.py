@@ -87,6 +87,7 @@ def merge(
     circle: Circle | str | None = None,
     align: bool = False,
     deghost: bool = False,
+    upright: bool = True,
     progress: Progress = lambda *_: None,
 ) -> Merged:
     """Merge a bracket.
@@ -101,6 +102,7 @@ def merge(
         circle: the fisheye circle, "auto" to find it, None for other lenses. The result is cropped to it.
         align: undo the movement of a hand-held camera.
         deghost: at each pixel leave out exposures that disagree with the best exposed one.
+        upright: turn the result as the first photograph's EXIF orientation says; fisheye images are never turned.
         progress: called after each photograph.
 
     Raises:
@@ -109,7 +111,7 @@ def merge(
     bracket = sorted(bracket, key=lambda pair: pair[1].amount)
     amounts = [exposure.amount for _, exposure in bracket]
     # A fisheye that looks up or down has no upright; the camera's idea of one may change within the bracket.
-    orientation = 1 if circle is not None else bracket[0][1].orientation
+    orientation = bracket[0][1].orientation if upright and circle is None else 1
     passes = 1 + align + deghost
     done = 0
 

@@ -64,7 +64,12 @@ def _read_raw(path: Path) -> Codes:
     try:
         with rawpy.imread(str(path)) as raw:
             return raw.postprocess(
-                gamma=(1, 1), no_auto_bright=True, output_bps=16, use_camera_wb=True, user_flip=0, output_color=rawpy.ColorSpace.sRGB
+                gamma=(1, 1),
+                no_auto_bright=True,
+                output_bps=16,
+                use_camera_wb=True,
+                user_flip=0,
+                output_color=rawpy.ColorSpace.sRGB,
             )
     except rawpy.LibRawError as error:
         raise InputError(f"{path}: LibRaw cannot read it ({error})") from error

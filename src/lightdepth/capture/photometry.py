@@ -155,4 +155,3 @@ def _centred(values: FloatArray, group: NDArray[np.intp], weight: FloatArray) ->
     total = np.bincount(group, weight)
     means = [np.bincount(group, weight * column) / np.maximum(total, 1e-30) for column in values.T]
     return values - np.stack(means, axis=-1)[group]
-

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 
 from lightdepth.capture.photograph import Codes
 from lightdepth.errors import InputError
+from lightdepth.images.writing import whole_file
 
 FloatArray = NDArray[np.float64]
 LEVELS = 256
@@ -80,13 +79,8 @@ def save_response(path: Path, response: Response) -> None:
     """
     names = zip(("red", "green", "blue"), response.curves.tolist(), strict=True)
     document = {"format": "lightdepth camera response", "version": 1, "exposure_by_reading": dict(names)}
-    try:
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
-            json.dump(document, file, indent=1)
-        os.chmod(file.name, 0o644)
-        os.replace(file.name, path)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+    with whole_file(path) as temporary:
+        temporary.write_text(json.dumps(document, indent=1))
 
 
 def load_response(path: Path) -> Response:

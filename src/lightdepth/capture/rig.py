@@ -6,23 +6,31 @@ from pathlib import Path
 
 from lightdepth.errors import InputError
 
-Rig = list[tuple[float, float]]
-"""Yaw (to the right) and pitch (up) of each photograph, in degrees."""
+Rig = list[tuple[float, float, float]]
+"""Yaw (to the right), pitch (up) and roll of each photograph, in degrees."""
+
+
+def _ring(count: int) -> Rig:
+    return [(360.0 * index / count, 0.0, 0.0) for index in range(count)]
+
+
+_ZENITH, _NADIR = (0.0, 90.0, 0.0), (0.0, -90.0, 0.0)
 
 PRESETS: dict[str, Rig] = {
-    "paper": [(0, 0), (72, 0), (144, 0), (216, 0), (288, 0), (0, 90), (0, -90)],
-    "four": [(0, 0), (90, 0), (180, 0), (270, 0)],
-    "four+zenith": [(0, 0), (90, 0), (180, 0), (270, 0), (0, 90)],
-    "six+zenith+nadir": [(60 * index, 0) for index in range(6)] + [(0, 90), (0, -90)],
+    "paper": [*_ring(5), _ZENITH, _NADIR],
+    "three": _ring(3),
+    "four": _ring(4),
+    "four+zenith": [*_ring(4), _ZENITH],
+    "six+zenith+nadir": [*_ring(6), _ZENITH, _NADIR],
 }
 """Rigs by name. "paper" is that of Zang, Felinto and Velho: five around, zenith, nadir."""
 
 
 def parse_rig(text: str, count: int) -> Rig:
-    """A rig by its name, as ``yaw,pitch yaw,pitch ...``, or a text file that holds such pairs.
+    """A rig by its name, as ``yaw,pitch yaw,pitch ...``, or in a text file that holds such pairs.
 
     Args:
-        text: what the user gave.
+        text: what the user gave; a third number is the roll.
         count: how many orientations were photographed.
 
     Raises:
@@ -33,12 +41,19 @@ def parse_rig(text: str, count: int) -> Rig:
     else:
         pairs = Path(text).read_text() if Path(text).is_file() else text
         try:
-            rig = [(float(yaw), float(pitch)) for yaw, pitch in (pair.split(",") for pair in pairs.split())]
+            rig = [_orientation(pair) for pair in pairs.split()]
         except ValueError as error:
             raise InputError(
                 f"--rig is '{text}'; allowed are {', '.join(PRESETS)}, pairs such as \"0,0 72,0 0,90\" "
-                "(yaw to the right, pitch up, in degrees), or a file with such pairs"
+                "(yaw to the right and pitch up in degrees), or a file with such pairs"
             ) from error
     if len(rig) != count:
         raise InputError(f"--rig '{text}' has {len(rig)} orientations, but {count} were photographed; they must agree")
     return rig
+
+
+def _orientation(pair: str) -> tuple[float, float, float]:
+    numbers = [float(number) for number in pair.split(",")]
+    if len(numbers) not in (2, 3) or not all(abs(number) <= 360.0 for number in numbers):
+        raise ValueError(pair)
+    return numbers[0], numbers[1], numbers[2] if len(numbers) == 3 else 0.0

@@ -45,7 +45,9 @@ def blend(photographs: Sequence[Photograph], photometry: Photometry, width: int,
     layers = sorted(path.name for path in folder.glob("remapped*.tif"))
     if not layers:
         raise LightdepthError("nona remapped none of the images")
-    hugin.run("enblend", "--wrap=horizontal", "-f", f"{width}x{width // 2}", "-o", "blended.tif", *layers, folder=folder)
+    hugin.run(
+        "enblend", "--wrap=horizontal", "-f", f"{width}x{width // 2}", "-o", "blended.tif", *layers, folder=folder
+    )
     blended = cv2.imread(str(folder / "blended.tif"), cv2.IMREAD_UNCHANGED)
     if blended is None or blended.shape[:2] != (width // 2, width):
         raise LightdepthError("enblend wrote no panorama of the right size")
@@ -63,5 +65,5 @@ def _image_line(lens: Lens, name: str) -> str:
     return (
         f"i w{lens.width} h{lens.height} f{PROJECTIONS[lens.projection]} v{lens.fov} Ra0 Rb0 Rc0 Rd0 Re0 Eev0 Er1 Eb1 "
         f"r{lens.roll} p{lens.pitch} y{lens.yaw} TrX0 TrY0 TrZ0 Tpy0 Tpp0 j0 a{a} b{b} c{c} d{lens.shift[0]} "
-        f'e{lens.shift[1]} g0 t0 Va1 Vb0 Vc0 Vd0 Vx0 Vy0{crop} Vm5 n"{name}"'
+        f'e{lens.shift[1]} g0 t0 Va1 Vb0 Vc0 Vd0 Vx0 Vy0{crop} Vm5 Rt1 n"{name}"'
     )

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from lightdepth.cli import capture
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
 
@@ -32,6 +33,7 @@ def _options(
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
 app.command()(render)
+app.add_typer(capture.app, name="capture")
 
 
 def main() -> None:
