@@ -14,6 +14,7 @@ from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.reconstruct import app as reconstruct
+from lightdepth.cli import capture
 from lightdepth.cli.render import render
 from lightdepth.cli.calibrate import calibrate
 from lightdepth.errors import LightdepthError
@@ -51,6 +52,7 @@ app.command()(calibrate)
 @app.callback(help=app.info.help)
 def _commands() -> None:
     """A command is always named, even were there only one."""
+app.add_typer(capture.app, name="capture")
 
 
 def main() -> None:
