@@ -1,13 +1,14 @@
 """The panorama's pose from four clicked corners of a floor rectangle, solved by ``lightdepth calibrate``."""
 
 import math
+import tempfile
 from pathlib import Path
 from typing import ClassVar
 
 import bpy
 from mathutils import Euler, Vector
 
-from . import picking
+from . import panorama, picking
 from .preferences import renderer_command
 from .process import RendererError, run_json
 from .properties import show_lines
@@ -96,10 +97,11 @@ class Calibrate(bpy.types.Operator):
         """Run ``lightdepth calibrate`` and stand the capture point where it says."""
         settings = context.scene.lightdepth
         try:
-            solved = run_json(renderer_command(), arguments(settings))
+            with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
+                solved = run_json(renderer_command(), arguments(settings, Path(folder)))
             position, rotation = Vector(solved["position"]), [math.radians(angle) for angle in solved["rotation"]]
-            residual = float(solved["residual_degrees"])
-        except RendererError as error:
+            residual = float(solved["residual"])
+        except (RendererError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         except (KeyError, TypeError, ValueError) as error:
@@ -118,20 +120,13 @@ class Calibrate(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def arguments(settings) -> list[str]:
-    """Arguments of ``lightdepth calibrate`` for the clicked corners."""
+def arguments(settings, folder: Path) -> list[str]:
+    """Arguments of ``lightdepth calibrate`` for the clicked corners; a packed panorama is written into the folder."""
     width, height = settings.image.size
     corners = " ".join(f"{corner.u * width:.3f},{corner.v * height:.3f}" for corner in settings.corners)
-    length = {"WIDTH": "--width", "HEIGHT": "--height", "CAMERA": "--camera-height"}[settings.known]
-    return [
-        "calibrate",
-        str(Path(bpy.path.abspath(settings.image.filepath))),
-        "--corners",
-        corners,
-        length,
-        f"{settings.known_length:.6g}",
-        "--json",
-    ]
+    length = {"WIDTH": "--width", "LENGTH": "--length", "CAMERA": "--camera-height"}[settings.known]
+    path = panorama.file_of(settings.image, folder)
+    return ["calibrate", str(path), "--rectangle", corners, length, f"{settings.known_length:.6g}", "--json"]
 
 
 def show_grid(context) -> None:

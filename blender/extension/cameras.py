@@ -121,6 +121,8 @@ def _focus_distance(item) -> float:
 def _panoramic(name, camera, width, height):
     settings = panoramic(camera)
     kind = settings.panorama_type
+    if camera.shift_x or camera.shift_y:
+        raise CameraError(f"Camera '{name}': a panoramic lens cannot be shifted; set both shifts to 0")
     if kind == "EQUIRECTANGULAR":
         limits = (settings.longitude_min, settings.longitude_max, settings.latitude_min, settings.latitude_max)
         if any(abs(a - b) > 1e-4 for a, b in zip(limits, (-math.pi, math.pi, -math.pi / 2, math.pi / 2), strict=True)):
@@ -143,11 +145,12 @@ def _panoramic(name, camera, width, height):
         return table | {"fov": math.degrees(settings.fisheye_fov)}, []
     # Cycles: sin(theta / 2) = r / (2 lens), with r in mm on the sensor; the circle that touches the picture's sides
     # has r = sensor / 2.
-    sine = camera.sensor_width / (4.0 * settings.fisheye_lens)
+    sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
+    sine = sensor / (4.0 * settings.fisheye_lens)
     if sine > 1.0:
         raise CameraError(
             f"Camera '{name}': a lens of {settings.fisheye_lens:g} mm sees everything inside the sensor of "
-            f"{camera.sensor_width:g} mm; {camera.sensor_width / 4.0:g} mm is the shortest"
+            f"{sensor:g} mm; {sensor / 4.0:g} mm is the shortest"
         )
     fov = math.degrees(4.0 * math.asin(sine))
     notes = []

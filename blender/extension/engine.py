@@ -69,24 +69,26 @@ class LightdepthEngine(bpy.types.RenderEngine):
         """Show the renderer's progress until it ends or the person has waited enough."""
         interrupted = None
         shown = False
-        for event in rendering.events():
-            if interrupted is None and self.test_break():
-                rendering.interrupt()
-                interrupted = time.monotonic()
-            if interrupted is not None and time.monotonic() - interrupted > PATIENCE_AFTER_INTERRUPT:
-                return
-            if event is None:
-                continue
-            if event["event"] == "progress":
-                self.update_progress(min(max(float(event.get("fraction", 0.0)), 0.0), 1.0))
-                self.update_stats("", _status(event))
-            elif event["event"] in ("preview", "done"):
-                self._show(picture, size, layer)
-                shown = True
+        try:
+            for event in rendering.events():
+                if interrupted is None and self.test_break():
+                    rendering.interrupt()
+                    interrupted = time.monotonic()
+                if interrupted is not None and time.monotonic() - interrupted > PATIENCE_AFTER_INTERRUPT:
+                    return
+                if event is None:
+                    continue
+                if event["event"] == "progress":
+                    self.update_progress(min(max(float(event.get("fraction", 0.0)), 0.0), 1.0))
+                    self.update_stats("", _status(event))
+                elif event["event"] in ("preview", "done", "interrupted"):
+                    self._show(picture, size, layer)
+                    shown = True
+        except RendererError:
+            if interrupted is None:  # one that was interrupted before it could render has nothing to tell
+                raise
         if interrupted is None and not shown:
             raise RendererError("The renderer ended without a picture and without saying why")
-        if interrupted is not None and picture.is_file():
-            self._show(picture, size, layer)
 
     def _show(self, picture: Path, size: tuple[int, int], layer: str) -> None:
         """Put the file's parts into Blender's passes."""
@@ -103,7 +105,7 @@ class LightdepthEngine(bpy.types.RenderEngine):
             if target.name in pixels:
                 # Blender's pictures begin at the bottom.
                 values = np.ascontiguousarray(pixels[target.name][::-1], np.float32)
-                target.rect.foreach_set(values.reshape(-1, values.shape[-1]))
+                target.rect.foreach_set(values.ravel())
         self.end_result(result)
 
 

@@ -1,5 +1,6 @@
 """The scene as Blender renders it, written as a scene file and its meshes: for F12 and for the command line alike."""
 
+import math
 import os
 import re
 import shlex
@@ -12,12 +13,13 @@ import bpy
 from bpy_extras.io_utils import ExportHelper
 from mathutils import Matrix
 
-from . import cameras, lights, materials, meshes, roles, toml
+from . import cameras, lights, materials, meshes, panorama, roles, toml
 from .evaluation import with_render_depsgraph
 from .picking import capture_pose
 from .properties import show_lines
 
 WITH_SURFACE = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
+"""Objects with surfaces. Blender's dependency graph gives those of curves, texts and balls once more as meshes."""
 WITHOUT_LOOK = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
 
 
@@ -79,13 +81,13 @@ class _Writer:
             tables, said = lights.emitters(self.unique(item.name), item.data, to_world)
             self.synthetic += tables
             self.note(*said)
-        elif item.type in WITH_SURFACE:
+        elif item.type == "MESH":
             self._note_settings(item)
             if item.lightdepth.role in roles.REAL:
                 self._add_real(item, to_world)
             else:
                 self._add_synthetic(item, to_world)
-        elif item.type not in WITHOUT_LOOK and not by_instancing:
+        elif item.type not in WITHOUT_LOOK | WITH_SURFACE and not by_instancing:
             self.note(f"Object '{item.name}': {item.type.replace('_', ' ').lower()} objects are not carried")
 
     def _note_settings(self, item) -> None:
@@ -152,7 +154,7 @@ def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
         return None
     return {
         "position": list(position),
-        "rotation": [57.29577951308232 * angle for angle in rotation.to_euler("XYZ")],
+        "rotation": [math.degrees(angle) for angle in rotation.to_euler("XYZ")],
         "scale": list(scale),
     }
 
@@ -169,18 +171,11 @@ def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
         raise ExportError("There is no panorama: load one in the sidebar of the 3D viewport, tab lightdepth")
     if settings.capture is None:
         raise ExportError("The panorama has no capture point: choose an empty in the sidebar, tab lightdepth")
-    image = settings.image
-    path = Path(bpy.path.abspath(image.filepath, library=image.library))
-    if image.packed_file is not None:
-        path = writer.new_file("panorama", path.suffix or ".exr")
-        path.write_bytes(image.packed_file.data)
-    elif not path.is_file():
-        raise ExportError(f"The panorama's file is gone: {path}")
     capture = capture_pose(settings)
     return {
-        "image": writer.relative(path),
+        "image": writer.relative(panorama.file_of(settings.image, writer.mesh_folder)),
         "position": list(capture.translation),
-        "rotation": [57.29577951308232 * angle for angle in capture.to_euler("XYZ")],
+        "rotation": [math.degrees(angle) for angle in capture.to_euler("XYZ")],
         "scale": settings.scale,
     }
 

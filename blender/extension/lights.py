@@ -9,7 +9,7 @@ from typing import Any
 
 from mathutils import Matrix, Vector
 
-SMALLEST_RADIUS = 0.005
+SMALLEST_RADIUS = 0.02
 """Radius, in metres, that a lamp without a size gets; a smaller one would be found by few rays."""
 SUN_DISTANCE = 500.0
 """Distance, in metres, of the disk that stands for a sun."""

@@ -21,6 +21,23 @@ SURFACE_NAMES = {False: "lightdepth projection", True: "lightdepth projection at
 EYE_HEIGHT = 1.6
 
 
+def file_of(image: bpy.types.Image, folder: Path) -> Path:
+    """The panorama's file; one that is packed into the .blend is written into a folder first.
+
+    Raises:
+        FileNotFoundError: the file is gone.
+        OSError: the packed file cannot be written.
+    """
+    path = Path(bpy.path.abspath(image.filepath, library=image.library))
+    if image.packed_file is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / (path.name or "panorama.exr")
+        path.write_bytes(image.packed_file.data)
+    elif not path.is_file():
+        raise FileNotFoundError(f"The panorama's file is gone: {path}")
+    return path
+
+
 def rebuild(scene: bpy.types.Scene) -> None:
     """Make the world and the projecting materials show the scene's panorama from its capture point."""
     settings = scene.lightdepth

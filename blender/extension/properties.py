@@ -21,7 +21,7 @@ METHODS = (
 )
 KNOWN_LENGTHS = (
     ("WIDTH", "Width", "Length of the rectangle's first side, from the first corner to the second"),
-    ("HEIGHT", "Length", "Length of the rectangle's second side, from the second corner to the third"),
+    ("LENGTH", "Length", "Length of the rectangle's second side, from the second corner to the third"),
     ("CAMERA", "Camera Height", "Height of the capture point above the floor"),
 )
 
