@@ -5,8 +5,9 @@ from pathlib import Path
 from typing import ClassVar
 
 import bpy
+from mathutils.bvhtree import BVHTree
 
-from . import picking
+from . import picking, roles
 from .evaluation import with_render_depsgraph
 from .export import ExportError, export_scene
 from .preferences import renderer_command
@@ -35,42 +36,74 @@ class Check(bpy.types.Operator):
     def execute(self, context):
         """Export the scene, run ``lightdepth check`` and show what it found."""
         settings = context.scene.lightdepth
+
+        def look(depsgraph):
+            export_scene(depsgraph, path)
+            return hole_cells(depsgraph, settings)
+
         try:
             with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
                 path = Path(folder) / "scene.toml"
-                with_render_depsgraph(context, lambda depsgraph: export_scene(depsgraph, path))
+                cells = with_render_depsgraph(context, look)
                 found = run_json(renderer_command(), ["check", str(path), "--json"])
-            coverage = float(found["coverage"])
-            holes = [(float(u), float(v)) for u, v in found["holes"]]
+            problems = [f"{problem['severity']}: {problem['message']}" for problem in found["problems"]]
+            coverage = float(found["coverage"]["share"]) if found["coverage"] else -1.0
         except (RendererError, ExportError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         except (KeyError, TypeError, ValueError) as error:
             self.report(
-                {"ERROR"}, f"The renderer's answer lacks the coverage ({error}); is it of the extension's version?"
+                {"ERROR"}, f"The renderer's answer lacks a finding ({error}); is it of the extension's version?"
             )
             return {"CANCELLED"}
         settings.coverage = coverage
-        show_lines(settings.check_notes, found.get("messages", []))
-        show_holes(context, holes)
+        show_lines(settings.check_notes, problems)
+        show_holes(context, cells)
+        for problem in problems:
+            self.report({"WARNING"}, problem)
         return {"FINISHED"}
 
 
-def show_holes(context, holes) -> None:
+def hole_cells(depsgraph, settings) -> list[tuple[int, int]]:
+    """Columns and rows of the cells of directions whose middle meets no real surface from the capture point."""
+    vertices, triangles = [], []
+    for instance in depsgraph.object_instances:
+        item = instance.object
+        if item.type == "MESH" and instance.show_self and item.lightdepth.role in roles.REAL:
+            mesh = item.to_mesh()
+            mesh.calc_loop_triangles()
+            start = len(vertices)
+            vertices += [instance.matrix_world @ vertex.co for vertex in mesh.vertices]
+            triangles += [[start + corner for corner in triangle.vertices] for triangle in mesh.loop_triangles]
+            item.to_mesh_clear()
+    surfaces = BVHTree.FromPolygons(vertices, triangles, all_triangles=True)
+    pose = picking.capture_pose(settings)
+    origin, turn = pose.translation, pose.to_3x3()
+    return [
+        (column, row)
+        for row in range(CELLS)
+        for column in range(2 * CELLS)
+        if surfaces.ray_cast(
+            origin, turn @ picking.panorama_direction((column + 0.5) / (2 * CELLS), (row + 0.5) / CELLS)
+        )[0]
+        is None
+    ]
+
+
+def show_holes(context, cells) -> None:
     """Lay red patches around the capture point, over the directions of holes; never rendered.
 
     Args:
         context: Blender's.
-        holes: ``(u, v)`` on the panorama, each in [0, 1].
+        cells: ``(column, row)`` of each hole.
     """
     old = context.scene.objects.get(HOLES_NAME)
     if old is not None:
         mesh = old.data
         bpy.data.objects.remove(old)
         bpy.data.meshes.remove(mesh)
-    if not holes:
+    if not cells:
         return
-    cells = sorted({(int(u * 2 * CELLS) % (2 * CELLS), min(int(v * CELLS), CELLS - 1)) for u, v in holes})
     vertices, faces = [], []
     for column, row in cells:
         faces.append(range(len(vertices), len(vertices) + 4))

@@ -11,8 +11,8 @@ from mathutils import Matrix, Vector
 
 SMALLEST_RADIUS = 0.02
 """Radius, in metres, that a lamp without a size gets; a smaller one would be found by few rays."""
-SUN_DISTANCE = 500.0
-"""Distance, in metres, of the disk that stands for a sun."""
+SUN_DISTANCE = 2000.0
+"""Distance from the world's origin, in metres, of the disk that stands for a sun."""
 SPOT_SHARE = 0.25
 """Radius of a spot's shining disk, as a share of the lamp's; a smaller one gives its cone a sharper edge."""
 
@@ -70,7 +70,7 @@ def _radius(name, light) -> tuple[float, list[str]]:
 
 def _sphere_radiance(light, radius) -> float:
     """Radiance of a sphere for each watt."""
-    return 1.0 / (4.0 * math.pi**2 * radius**2) if _normalized(light) else 1.0 / (4.0 * math.pi)
+    return 1.0 / (4.0 * math.pi**2 * radius**2) if _normalized(light) else 1.0 / math.pi
 
 
 def _point(name, light, to_world, colour):
@@ -101,13 +101,13 @@ def _area(name, light, to_world, colour):
     ], notes
 
 
-def _facing_down(name, shape, to_world, scale, along=0.0) -> dict[str, Any]:
-    """A unit shape whose +z is the lamp's -z, moved ``along`` that direction."""
+def _facing_down(name, shape, to_world, scale) -> dict[str, Any]:
+    """A unit shape whose +z is the lamp's -z."""
     turned = to_world.to_quaternion().to_matrix() @ Matrix.Rotation(math.pi, 3, "X")
     return {
         "name": name,
         "shape": shape,
-        "position": list(to_world.translation + along * (turned @ Vector((0.0, 0.0, 1.0)))),
+        "position": list(to_world.translation),
         "rotation": [math.degrees(angle) for angle in turned.to_euler("XYZ")],
         "scale": [abs(value) for value in scale],
     }
@@ -138,5 +138,8 @@ def _sun(name, light, to_world, colour):
         notes.append(f"Light '{name}': a sun has a size; its angle became {math.degrees(2 * half):g} degrees")
     notes.append(f"Light '{name}': a sun is a disk {SUN_DISTANCE:g} m away; real walls that stand in its way block it")
     radius = SUN_DISTANCE * math.tan(half)
-    table = _facing_down(name, "disk", to_world, (radius, radius, 1.0), along=-SUN_DISTANCE)
-    return [table | {"material": _emitter(colour, 1.0 / (math.pi * math.sin(half) ** 2))}], notes
+    turn = to_world.to_quaternion().to_matrix().to_4x4()  # where a sun's lamp stands means nothing
+    away = Matrix.Translation(turn @ Vector((0.0, 0.0, SUN_DISTANCE)))
+    table = _facing_down(name, "disk", away @ turn, (radius, radius, 1.0))
+    radiance = 1.0 / (math.pi * math.sin(half) ** 2) if _normalized(light) else 1.0
+    return [table | {"material": _emitter(colour, radiance)}], notes

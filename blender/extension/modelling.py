@@ -122,10 +122,22 @@ class AddRoom(_FloorTool, bpy.types.Operator):
         except ModellingError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
+        capture = context.scene.lightdepth.capture
+        if capture is not None and not _is_inside(capture.matrix_world.translation, corners):
+            self.report({"WARNING"}, "The capture point is not over this floor: does it have all its corners?")
         new_object(context, "Walls", *room(corners, self.height, self.ceiling), roles.ENVIRONMENT)
         floor = [(x, y, 0.0) for x, y in corners]
         new_object(context, "Floor", floor, [range(len(floor))], roles.SUPPORT)
         return {"FINISHED"}
+
+
+def _is_inside(point, corners: Sequence[Floor2D]) -> bool:
+    """Whether a point is over a polygon, by counting the edges that a ray along x crosses."""
+    inside = False
+    for (ax, ay), (bx, by) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        if (ay > point.y) != (by > point.y) and point.x < ax + (point.y - ay) / (by - ay) * (bx - ax):
+            inside = not inside
+    return inside
 
 
 class AddBox(_FloorTool, bpy.types.Operator):

@@ -154,6 +154,7 @@ class LoadPanorama(bpy.types.Operator, ImportHelper):
         if settings.capture is None:
             settings.capture = _new_capture_point(context)
         settings.image = image
+        context.view_layer.update()  # so that what follows in a script finds the capture point where it is
         for window in context.window_manager.windows:
             for area in window.screen.areas:
                 if area.type == "VIEW_3D":

@@ -132,7 +132,7 @@ class Clicks:
             self._cursor = self.point_at(context, event)
             tag_redraw(context)
             return {"RUNNING_MODAL"}
-        if event.value != "PRESS":
+        if event.value not in {"PRESS", "DOUBLE_CLICK"}:
             return {"RUNNING_MODAL"}
         if event.type in {"ESC", "RIGHTMOUSE"}:
             self._stop(context)

@@ -61,29 +61,35 @@ def run(command: str, arguments: list[str]) -> str:
     Raises:
         RendererError: it could not be started or failed; the message holds its own words.
     """
-    try:
-        done = subprocess.run([command, *arguments], capture_output=True, text=True, errors="replace", check=False)
-    except OSError as error:
-        raise RendererError(f"The renderer '{command}' cannot be started: {error.strerror or error}") from error
+    done = _completed(command, arguments)
     if done.returncode != 0:
         raise RendererError(_words(command, done.stderr or done.stdout, done.returncode))
     return done.stdout
 
 
 def run_json(command: str, arguments: list[str]) -> dict:
-    """As :func:`run`, for commands that print one JSON object.
+    """As :func:`run`, for commands that print one JSON object; what they found may be a reason for them to fail.
 
     Raises:
         RendererError: also when what it printed is not a JSON object.
     """
-    printed = run(command, arguments)
+    done = _completed(command, arguments)
     try:
-        answer = json.loads(printed)
+        answer = json.loads(done.stdout)
     except ValueError:
         answer = None
-    if not isinstance(answer, dict):
-        raise RendererError(_not_understood(command, printed))
-    return answer
+    if isinstance(answer, dict):
+        return answer
+    if done.returncode != 0:
+        raise RendererError(_words(command, done.stderr or done.stdout, done.returncode))
+    raise RendererError(_not_understood(command, done.stdout))
+
+
+def _completed(command: str, arguments: list[str]) -> subprocess.CompletedProcess:
+    try:
+        return subprocess.run([command, *arguments], capture_output=True, text=True, errors="replace", check=False)
+    except OSError as error:
+        raise _not_startable(command, error) from error
 
 
 class Rendering:
@@ -113,7 +119,7 @@ class Rendering:
             )
         except OSError as error:
             self._errors.close()
-            raise RendererError(f"The renderer '{command}' cannot be started: {error.strerror or error}") from error
+            raise _not_startable(command, error) from error
         _running.add(self)
         self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._reader = threading.Thread(target=self._read, daemon=True)
@@ -196,6 +202,10 @@ def end_all() -> None:
     """End what still renders: Blender quits, or the extension is switched off."""
     for rendering in list(_running):
         rendering.end()
+
+
+def _not_startable(command: str, error: OSError) -> RendererError:
+    return RendererError(f"The renderer '{command}' cannot be started: {error.strerror or error}")
 
 
 def _words(command: str, said: str, status: int) -> str:
