@@ -30,6 +30,7 @@ class Mesh:
         faces: shape (m, 3), int32, counter-clockwise seen from outside.
         normals: shading normals, shape (n, 3), float32, unit, world; ``None`` means flat faces.
         texture_coordinates: shape (n, 2), float32, or ``None``; v grows upward in the image.
+        colors: linear vertex colours, shape (n, 3), float32, not negative, or ``None``.
         rest: environment texture coordinates (paper, section 5.8): where on the real place each vertex takes its
             colour from, shape (n, 3), float32, world, metres; ``None`` means from where it is.
     """
@@ -38,6 +39,7 @@ class Mesh:
     faces: NDArray[np.int32]
     normals: NDArray[np.float32] | None = None
     texture_coordinates: NDArray[np.float32] | None = None
+    colors: NDArray[np.float32] | None = None
     rest: NDArray[np.float32] | None = None
 
 
@@ -96,8 +98,8 @@ class Panorama:
         radiance: linear Rec.709, shape (height, 2 height, 3), float32, finite and not negative, scale applied.
         position: capture point, shape (3,), float64, world, metres.
         rotation: light space to world, shape (3, 3), float64.
-        depth: distances from the capture point in metres where the user gave them, shape (height, width), float32,
-            inf for sky; else ``None``.
+        depth: distances from the capture point in metres where the user gave them, shape (h, 2 h), float32, positive,
+            inf for sky; else ``None``. Its size may differ from that of ``radiance``.
         path: the file it came from, for messages.
     """
 
@@ -110,12 +112,36 @@ class Panorama:
 
 @dataclass(frozen=True)
 class RenderSettings:
-    """The ``[render]`` table."""
+    """The ``[render]`` table.
+
+    Attributes:
+        samples: samples per pixel; with ``noise``, the largest number of them.
+        noise: estimated relative error at which a pixel is done; ``None`` takes all samples everywhere.
+        max_bounces: longest path, in scattering events.
+        seed: seed of the random numbers.
+        clamp_indirect: largest radiance that one indirect sample may bring; ``None`` (unbiased) clamps nothing.
+    """
 
     samples: int = 64
     noise: float | None = None
     max_bounces: int = 8
     seed: int = 0
+    clamp_indirect: float | None = None
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """A camera where it stands.
+
+    Attributes:
+        camera: its settings; ``camera.position`` is always filled in.
+        position: shape (3,), float64, world, metres.
+        rotation: camera space to world, shape (3, 3), float64; the columns are right, forward and up.
+    """
+
+    camera: Camera
+    position: NDArray[np.float64]
+    rotation: NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -125,6 +151,6 @@ class Scene:
     panorama: Panorama
     real: tuple[RealSurface, ...] = ()
     synthetic: tuple[SyntheticObject, ...] = ()
-    cameras: Mapping[str, Camera] = field(default_factory=dict)
+    cameras: Mapping[str, CameraView] = field(default_factory=dict)
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None

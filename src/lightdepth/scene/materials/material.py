@@ -6,13 +6,15 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict
 
+Plugin = dict[str, Any]
+
 
 class Material(BaseModel):
     """Base of the materials: the settings of a ``material = { type = ... }`` table."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 
-    def plugins(self) -> dict[str, dict[str, Any]]:
+    def plugins(self) -> dict[str, Plugin]:
         """The Mitsuba plugins that make this material, as plain dictionaries.
 
         Returns:
@@ -20,3 +22,18 @@ class Material(BaseModel):
             ``Texture`` values; ``kernel`` turns these into bitmaps.
         """
         raise NotImplementedError
+
+
+def rgb(colour: Any) -> Any:
+    """A colour or radiance as a Mitsuba plugin; textures are left to ``kernel``."""
+    return {"type": "rgb", "value": list(colour)} if isinstance(colour, tuple) else colour
+
+
+def two_sided(bsdf: Plugin) -> Plugin:
+    """The reflecting BSDF seen from both sides: a mesh with faces the wrong way round shows no black holes."""
+    return {"type": "twosided", "bsdf": bsdf}
+
+
+def area_light(radiance: Any) -> Plugin:
+    """An emitter over the whole surface, on the side of its normals."""
+    return {"type": "area", "radiance": rgb(radiance)}

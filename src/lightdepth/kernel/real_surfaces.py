@@ -1,0 +1,97 @@
+"""The real surfaces of a scene as one mesh: what is traced, and what is known of each of its faces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.scene.model import Gloss, Mesh, RealSurface, Role
+
+
+class FaceKind(IntEnum):
+    """How a real face takes part in the transport."""
+
+    ENVIRONMENT = 0
+    SUPPORT = 1
+    RELIT = 2  # Support with rest positions: scatters all light by its recovered albedo (paper, section 5.8).
+
+
+@dataclass(frozen=True)
+class RealSurfaces:
+    """All real surfaces, merged. World space, metres.
+
+    Attributes:
+        vertices: shape (n, 3), float32.
+        faces: shape (m, 3), int32.
+        kind: :class:`FaceKind` of each face, shape (m,), uint32.
+        gloss: 0 for none, else 1 + index into ``glosses``, shape (m,), uint32.
+        glosses: the specular lobes that occur.
+        rest: where each vertex takes its colour from, shape (n, 3), float32; ``vertices`` where nothing is deformed.
+        irradiance: E of each vertex, linear RGB, shape (n, 3), float32; zero where it was not recovered.
+    """
+
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    kind: NDArray[np.uint32]
+    gloss: NDArray[np.uint32]
+    glosses: tuple[Gloss, ...]
+    rest: NDArray[np.float32]
+    irradiance: NDArray[np.float32]
+
+    @property
+    def deformed(self) -> bool:
+        """Whether any vertex takes its colour from elsewhere."""
+        return bool(np.any(self.rest != self.vertices))
+
+    def mesh(self) -> Mesh:
+        """The geometry alone."""
+        return Mesh(self.vertices, self.faces)
+
+
+def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
+    """Merge real surfaces into one; each face keeps its role and gloss, each vertex its rest position."""
+    glosses: list[Gloss] = []
+    vertices, faces, kinds, gloss_numbers, rests = [], [], [], [], []
+    offset = 0
+    for surface in surfaces:
+        mesh = surface.mesh
+        number = 0
+        if surface.gloss is not None:
+            if surface.gloss not in glosses:
+                glosses.append(surface.gloss)
+            number = 1 + glosses.index(surface.gloss)
+        kind = FaceKind.ENVIRONMENT
+        if surface.role == Role.SUPPORT:
+            kind = FaceKind.SUPPORT if mesh.rest is None else FaceKind.RELIT
+        vertices.append(mesh.vertices)
+        faces.append(mesh.faces + offset)
+        kinds.append(np.full(len(mesh.faces), kind, np.uint32))
+        gloss_numbers.append(np.full(len(mesh.faces), number, np.uint32))
+        rests.append(mesh.vertices if mesh.rest is None else mesh.rest)
+        offset += len(mesh.vertices)
+    if not surfaces:
+        empty = np.zeros((0, 3), np.float32)
+        no_faces = np.zeros(0, np.uint32)
+        return RealSurfaces(empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, empty)
+    merged = np.concatenate(vertices).astype(np.float32)
+    return RealSurfaces(
+        merged,
+        np.concatenate(faces).astype(np.int32),
+        np.concatenate(kinds),
+        np.concatenate(gloss_numbers),
+        tuple(glosses),
+        np.concatenate(rests).astype(np.float32),
+        np.zeros_like(merged),
+    )
+
+
+def face_normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Unit normals of triangles, shape (m, 3), float32; zero for degenerate ones."""
+    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0).astype(np.float32)

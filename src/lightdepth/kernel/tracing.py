@@ -1,0 +1,160 @@
+"""The real and the synthetic surfaces as Mitsuba scenes, traced side by side, and tables of the real faces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightdepth.kernel.meshes import to_mitsuba_mesh
+from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
+
+RAY_EPSILON = 1e-4
+"""Offset of a ray's origin from the surface it leaves, relative to ``1 + |p|``."""
+
+
+@dataclass
+class RealHit:
+    """First real surfaces along rays.
+
+    Attributes:
+        valid: false where the ray meets none (sky).
+        distance: metres along the ray.
+        point: world, metres.
+        normal: unit, world, as the face is wound.
+        face: index into the faces of :class:`RealSurfaces`.
+        uv: barycentric coordinates of the face's second and third vertex.
+        kind: :class:`FaceKind`; ENVIRONMENT where not valid.
+        gloss: 0 for none, else 1 + index of the specular lobe.
+    """
+
+    valid: mi.Bool
+    distance: mi.Float
+    point: mi.Point3f
+    normal: mi.Vector3f
+    face: mi.UInt32
+    uv: mi.Point2f
+    kind: mi.UInt32
+    gloss: mi.UInt32
+
+
+class TracedSurfaces:
+    """The real surfaces, the synthetic ones, and both together, as scenes to trace rays in.
+
+    Args:
+        surfaces: the real surfaces.
+        shapes: the synthetic shapes.
+    """
+
+    def __init__(self, surfaces: RealSurfaces, shapes: Sequence[mi.Shape] = ()) -> None:
+        self.has_real = len(surfaces.faces) > 0
+        self.has_synthetic = len(shapes) > 0
+        self.deformed = surfaces.deformed
+        self.kinds = frozenset(FaceKind(int(kind)) for kind in np.unique(surfaces.kind))
+        real = {"real": to_mitsuba_mesh("real", surfaces.mesh())} if self.has_real else {}
+        new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
+        self.real = _scene(real)
+        self.synthetic = _scene(new)
+        self.all = _scene({**real, **new})
+        self._real_shape = mi.UInt32(0)
+        if self.has_real:
+            self._real_shape = dr.opaque(mi.UInt32, _shape_number(real["real"]))
+        self._fill_tables(surfaces)
+
+    def _fill_tables(self, surfaces: RealSurfaces) -> None:
+        count = len(surfaces.faces)
+        corners = np.zeros((max(count, 1), 4), np.uint32)
+        corners[:count, :3] = surfaces.faces
+        corners[:count, 3] = surfaces.kind | (surfaces.gloss << 2)
+        normals = np.zeros((max(count, 1), 4), np.float32)
+        normals[:count, :3] = face_normals(surfaces.vertices, surfaces.faces)
+        self._corners = mi.UInt32(corners.reshape(-1))
+        self._normals = mi.Float(normals.reshape(-1))
+        self._irradiance = mi.Float(_padded(surfaces.irradiance))
+        self._rest = mi.Float(_padded(surfaces.rest)) if self.deformed else None
+
+    def first_real(self, ray: mi.Ray3f, active: mi.Bool) -> RealHit:
+        """The first real surface along rays, looking through all synthetic ones: ``q(x, w)``."""
+        found = self.real.ray_intersect_preliminary(ray, coherent=False, active=active)
+        return self.real_hit(ray, found, active & found.is_valid())
+
+    def is_real(self, found: mi.PreliminaryIntersection3f) -> mi.Bool:
+        """Whether intersections with everything lie on a real surface."""
+        if not self.has_real:
+            return mi.Bool(False)
+        return found.is_valid() & (dr.reinterpret_array(mi.UInt32, found.shape) == self._real_shape)
+
+    def real_hit(self, ray: mi.Ray3f, found: mi.PreliminaryIntersection3f, valid: mi.Bool) -> RealHit:
+        """Look up what is known of the real face that was met, where ``valid``."""
+        face = dr.select(valid, found.prim_index, 0)
+        flags = dr.gather(mi.UInt32, self._corners, 4 * face + 3, valid)
+        normal = dr.gather(mi.Vector4f, self._normals, face, valid)
+        return RealHit(
+            valid,
+            found.t,
+            ray(dr.select(valid, found.t, 0.0)),
+            mi.Vector3f(normal.x, normal.y, normal.z),
+            face,
+            mi.Point2f(found.prim_uv),
+            dr.select(valid, flags & 3, int(FaceKind.ENVIRONMENT)),
+            flags >> 2,
+        )
+
+    def irradiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
+        """E at points of support surfaces, interpolated in barycentric coordinates."""
+        value = self._interpolate(self._irradiance, hit, active)
+        return mi.Color3f(value.x, value.y, value.z)
+
+    def rest_point(self, hit: RealHit, active: mi.Bool) -> mi.Point3f:
+        """Where points of real surfaces take their colour from (paper, section 5.8), world, metres."""
+        if self._rest is None:
+            return hit.point
+        value = self._interpolate(self._rest, hit, active)
+        return mi.Point3f(value.x, value.y, value.z)
+
+    def _interpolate(self, table: mi.Float, hit: RealHit, active: mi.Bool) -> mi.Vector4f:
+        corner = dr.gather(mi.Vector4u, self._corners, hit.face, active)
+        first = dr.gather(mi.Vector4f, table, corner.x, active)
+        second = dr.gather(mi.Vector4f, table, corner.y, active)
+        third = dr.gather(mi.Vector4f, table, corner.z, active)
+        return first * (1.0 - hit.uv.x - hit.uv.y) + second * hit.uv.x + third * hit.uv.y
+
+
+def select_hit(choice: mi.Bool, first: RealHit, second: RealHit) -> RealHit:
+    """``first`` where ``choice``, else ``second``."""
+    names = (field.name for field in fields(RealHit))
+    return RealHit(*(dr.select(choice, getattr(first, name), getattr(second, name)) for name in names))
+
+
+def leave(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, length: mi.Float | float = dr.inf) -> mi.Ray3f:
+    """A ray that leaves a surface on the side to which ``direction`` points.
+
+    Args:
+        point: on the surface, world, metres.
+        normal: of the surface, either side.
+        direction: unit vector.
+        length: where the ray ends, metres.
+    """
+    offset = RAY_EPSILON * (1.0 + dr.max(dr.abs(point)))
+    origin = dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
+    ray = mi.Ray3f(origin, direction)
+    ray.maxt = length
+    return ray
+
+
+def _scene(shapes: dict[str, mi.Shape]) -> mi.Scene:
+    return mi.load_dict({"type": "scene", **shapes}, optimize=False)
+
+
+def _shape_number(shape: mi.Shape) -> int:
+    return int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0])
+
+
+def _padded(vectors: np.ndarray) -> np.ndarray:
+    """Vectors of shape (n, 3) as a flat array of groups of four, which are gathered at once; never empty."""
+    padded = np.zeros((max(len(vectors), 1), 4), np.float32)
+    padded[: len(vectors), :3] = vectors
+    return padded.reshape(-1)

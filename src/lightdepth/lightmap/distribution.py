@@ -1,0 +1,148 @@
+"""The panorama's radiance M(w) as a function and as a probability density on the sphere, in Dr.Jit.
+
+The radiance between pixel centres is their bilinear interpolation, which wraps around at the seam and goes on over the
+poles at the opposite longitude. The density is sampled from *the same* interpolation: a pixel is drawn with
+probability proportional to its luminance times its solid angle, then moved by a tent of one pixel's half-width. A
+sum of such tents is the bilinear interpolation of the pixels' probabilities, so that a lamp of a few pixels at
+radiance 30,000 gives no outliers where its edge is interpolated.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.directions import pixel_solid_angles
+
+LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+
+
+class MapDistribution:
+    """Radiance of a panorama and importance sampling of it. All directions are in light space.
+
+    Args:
+        radiance: linear RGB, shape (height, 2 height, 3), float32, finite and not negative.
+    """
+
+    def __init__(self, radiance: NDArray[np.float32]) -> None:
+        self.height, self.width = radiance.shape[:2]
+        texels = np.empty((self.height, self.width, 4), dtype=np.float32)
+        texels[..., :3] = radiance
+        weights = radiance @ LUMINANCE_WEIGHTS.astype(np.float32)
+        weights *= pixel_solid_angles(self.height, self.width).astype(np.float32)[:, None]
+        rows = weights.sum(axis=1, dtype=np.float64)
+        self.total = float(rows.sum())
+        if self.total > 0.0:
+            weights /= np.float32(self.total / (self.width * self.height))
+        # The fourth component is the density with respect to (u, v) at the pixel's centre.
+        texels[..., 3] = weights
+        self._texels = mi.Float(texels.reshape(-1))
+        self._cumulative = np.cumsum(texels[..., 3].reshape(-1), dtype=np.float64)
+        self._cumulative /= max(self._cumulative[-1], 1e-300)
+
+    def radiance_and_pdf(self, direction: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
+        """M(w) and the density ``p_map(w)`` per unit solid angle at the capture point.
+
+        Args:
+            direction: unit vectors, light space.
+        """
+        u, v = direction_to_latlong(direction)
+        value = self._interpolate(u, v)
+        sin_theta = dr.safe_sqrt(1.0 - dr.square(direction.z))
+        return mi.Color3f(value.x, value.y, value.z), value.w / (2.0 * dr.pi * dr.pi * dr.maximum(sin_theta, 1e-6))
+
+    def radiance(self, direction: mi.Vector3f) -> mi.Color3f:
+        """M(w) for unit vectors in light space."""
+        value = self._interpolate(*direction_to_latlong(direction))
+        return mi.Color3f(value.x, value.y, value.z)
+
+    def sharp_radiance(self, direction: mi.Vector3f) -> mi.Color3f:
+        """M(w) by Catmull-Rom interpolation held between its neighbours: what a camera sees, unlike what lights."""
+        u, v = direction_to_latlong(direction)
+        x, y = u * self.width - 0.5, v * self.height - 0.5
+        column, row = dr.floor(x), dr.floor(y)
+        weights_x, weights_y = _catmull_rom(x - column), _catmull_rom(y - row)
+        column, row = mi.Int32(column), mi.Int32(row)
+        total, low, high = mi.Color3f(0.0), mi.Color3f(dr.inf), mi.Color3f(0.0)
+        for j in range(4):
+            line = mi.Color3f(0.0)
+            for i in range(4):
+                texel = self._texel(column + (i - 1), row + (j - 1))
+                value = mi.Color3f(texel.x, texel.y, texel.z)
+                line += weights_x[i] * value
+                if i in (1, 2) and j in (1, 2):
+                    low, high = dr.minimum(low, value), dr.maximum(high, value)
+            total += weights_y[j] * line
+        return dr.clip(total, low, high)
+
+    def pixel(self, direction: mi.Vector3f) -> mi.UInt32:
+        """Index (row-major) of the pixel that a unit vector in light space falls into."""
+        u, v = direction_to_latlong(direction)
+        column = dr.clip(mi.Int32(u * self.width), 0, self.width - 1)
+        row = dr.clip(mi.Int32(v * self.height), 0, self.height - 1)
+        return mi.UInt32(row * self.width + column)
+
+    def sample(self, count: int, generator: np.random.Generator) -> tuple[NDArray[np.float32], mi.Vector3f]:
+        """Draw directions in proportion to radiance, stratified along the pixels' order.
+
+        Args:
+            count: how many.
+            generator: source of randomness.
+
+        Returns:
+            ``(pixel centres' indices, unit directions in light space)`` of length ``count``.
+        """
+        positions = (np.arange(count) + generator.random()) / count
+        index = np.minimum(np.searchsorted(self._cumulative, positions, side="right"), self._cumulative.size - 1)
+        row, column = np.divmod(index, self.width)
+        tent = generator.random((4, count), dtype=np.float32)
+        u = (column + 0.5 + (tent[0] + tent[1] - 1.0)) / self.width
+        v = (row + 0.5 + (tent[2] + tent[3] - 1.0)) / self.height
+        over_pole = (v < 0.0) | (v > 1.0)
+        v = np.where(v < 0.0, -v, np.where(v > 1.0, 2.0 - v, v))
+        u = np.mod(np.where(over_pole, u + 0.5, u), 1.0)
+        return index, latlong_to_direction(mi.Float(u.astype(np.float32)), mi.Float(v.astype(np.float32)))
+
+    def _interpolate(self, u: mi.Float, v: mi.Float) -> mi.Vector4f:
+        x, y = u * self.width - 0.5, v * self.height - 0.5
+        column, row = dr.floor(x), dr.floor(y)
+        fraction_x, fraction_y = x - column, y - row
+        column, row = mi.Int32(column), mi.Int32(row)
+        upper = dr.lerp(self._texel(column, row), self._texel(column + 1, row), fraction_x)
+        lower = dr.lerp(self._texel(column, row + 1), self._texel(column + 1, row + 1), fraction_x)
+        return dr.lerp(upper, lower, fraction_y)
+
+    def _texel(self, column: mi.Int32, row: mi.Int32) -> mi.Vector4f:
+        """A pixel by column and row, which may lie up to half a width and height outside the image."""
+        over_pole = (row < 0) | (row >= self.height)
+        row = dr.select(row < 0, -1 - row, dr.select(row >= self.height, 2 * self.height - 1 - row, row))
+        column = dr.select(over_pole, column + self.width // 2, column)
+        column = dr.select(column < 0, column + self.width, column)
+        column = dr.select(column >= self.width, column - self.width, column)
+        return dr.gather(mi.Vector4f, self._texels, mi.UInt32(row * self.width + column))
+
+
+def direction_to_latlong(direction: mi.Vector3f) -> tuple[mi.Float, mi.Float]:
+    """Panorama coordinates (u, v) of unit vectors in light space; see ``lightdepth.directions``."""
+    u = dr.atan2(direction.x, direction.y) * dr.inv_two_pi + 0.5
+    horizontal = dr.sqrt(dr.square(direction.x) + dr.square(direction.y))
+    return u, dr.atan2(horizontal, direction.z) * dr.inv_pi
+
+
+def latlong_to_direction(u: mi.Float, v: mi.Float) -> mi.Vector3f:
+    """Unit vectors in light space of panorama coordinates (u, v); see ``lightdepth.directions``."""
+    sin_theta, cos_theta = dr.sincos(dr.pi * v)
+    sin_phi, cos_phi = dr.sincos(dr.two_pi * (u - 0.5))
+    return mi.Vector3f(sin_theta * sin_phi, sin_theta * cos_phi, cos_theta)
+
+
+def _catmull_rom(t: mi.Float) -> list[mi.Float]:
+    """Weights of four neighbours at the fraction ``t`` between the middle two."""
+    return [
+        t * (-0.5 + t * (1.0 - 0.5 * t)),
+        1.0 + dr.square(t) * (-2.5 + 1.5 * t),
+        t * (0.5 + t * (2.0 - 1.5 * t)),
+        dr.square(t) * (-0.5 + 0.5 * t),
+    ]

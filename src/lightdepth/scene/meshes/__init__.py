@@ -1,0 +1,57 @@
+"""Mesh files. A new format is a file in this folder and a line in ``READERS``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from lightdepth.errors import InputError
+from lightdepth.scene.meshes.geometry import checked
+from lightdepth.scene.meshes.obj import read_obj
+from lightdepth.scene.meshes.part import MeshPart
+from lightdepth.scene.meshes.ply import read_ply
+from lightdepth.scene.meshes.stl import read_stl
+
+READERS: dict[str, Callable[[Path, bool], list[MeshPart]]] = {
+    ".ply": read_ply,
+    ".obj": read_obj,
+    ".stl": read_stl,
+}
+"""Readers by file name extension; the second argument says whether materials are wanted."""
+
+
+def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) -> list[MeshPart]:
+    """Read a mesh file and check it.
+
+    Args:
+        path: the file.
+        with_materials: read the materials, too; without, the parts have none.
+        keep_flat: keep triangles without area, so that faces stay numbered as in the file.
+
+    Returns:
+        The file's parts in its own coordinates, z up, metres.
+
+    Raises:
+        InputError: the file is missing, of an unknown format, unreadable, empty, or has broken vertices or faces.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: '{path.suffix}' is not a mesh format; allowed are {', '.join(READERS)}")
+    try:
+        parts = reader(path, with_materials)
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:  # The readers of other people's formats raise whatever they meet.
+        raise InputError(f"{path}: not a readable {path.suffix} mesh ({type(error).__name__}: {error})") from error
+    if not parts:
+        raise InputError(f"{path}: the mesh has no triangles")
+    try:
+        return [replace(part, mesh=checked(part.mesh, keep_flat)) for part in parts]
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+__all__ = ["READERS", "MeshPart", "read_mesh_file"]

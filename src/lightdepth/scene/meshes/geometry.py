@@ -1,0 +1,84 @@
+"""Checking, placing and joining meshes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.directions import euler_rotation
+from lightdepth.scene.model import Mesh
+
+Triple = tuple[float, float, float]
+
+
+def placement(position: Triple, rotation: Triple, scale: Triple) -> NDArray[np.float64]:
+    """Matrix that scales, then turns (XYZ Euler, degrees), then moves; shape (4, 4), float64."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = euler_rotation(rotation) * np.asarray(scale)
+    matrix[:3, 3] = position
+    return matrix
+
+
+def transformed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
+    """The mesh under an affine map of shape (4, 4); rest positions move along, mirrored faces keep their outside."""
+    linear, offset = matrix[:3, :3], matrix[:3, 3]
+    mirrored = np.linalg.det(linear) < 0.0
+    normals = mesh.normals
+    if normals is not None:
+        # The cofactor matrix: the inverse transpose up to a factor, and defined for flattened objects as well.
+        cofactors = np.stack([np.cross(linear[i - 2], linear[i - 1]) for i in range(3)])
+        normals = unit(normals @ (cofactors * (-1.0 if mirrored else 1.0)).T)
+    return replace(
+        mesh,
+        vertices=(mesh.vertices @ linear.T + offset).astype(np.float32),
+        faces=np.ascontiguousarray(mesh.faces[:, ::-1]) if mirrored else mesh.faces,
+        normals=normals,
+        rest=None if mesh.rest is None else (mesh.rest @ linear.T + offset).astype(np.float32),
+    )
+
+
+def unit(vectors: NDArray[np.floating]) -> NDArray[np.float32]:
+    """Vectors of shape (n, 3) scaled to length 1; zero vectors stay."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return (vectors / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
+
+
+def merged(meshes: Sequence[Mesh]) -> Mesh:
+    """One mesh of several, positions, faces and rest positions only.
+
+    Where some have rest positions, the others rest where they are.
+    """
+    starts = np.cumsum([0] + [len(mesh.vertices) for mesh in meshes[:-1]])
+    rests = [mesh.vertices if mesh.rest is None else mesh.rest for mesh in meshes]
+    return Mesh(
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]),
+        faces=np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)]).astype(np.int32),
+        rest=np.concatenate(rests) if any(mesh.rest is not None for mesh in meshes) else None,
+    )
+
+
+def checked(mesh: Mesh, keep_flat: bool = False) -> Mesh:
+    """The mesh, without triangles that have no area unless they are to be kept.
+
+    Raises:
+        ValueError: vertices that are not finite, faces that name no vertex, or nothing left.
+    """
+    for name in ("vertices", "normals", "texture_coordinates", "rest"):
+        values = getattr(mesh, name)
+        if values is not None and (bad := ~np.isfinite(values).all(axis=1)).any():
+            what = name.replace("_", " ")
+            raise ValueError(f"{what}: {bad.sum()} of {len(bad)} are not finite, the first is vertex {bad.argmax()}")
+    if len(mesh.faces) == 0:
+        raise ValueError("the mesh has no triangles")
+    outside = (mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))
+    if outside.any():
+        face = int(outside.any(axis=1).argmax())
+        raise ValueError(f"face {face} names vertices {mesh.faces[face].tolist()}, but there are {len(mesh.vertices)}")
+    a, b, c = (mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3))
+    solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.0
+    if not solid.any() and not keep_flat:
+        raise ValueError(f"all {len(solid)} triangles are degenerate (without area)")
+    return mesh if solid.all() or keep_flat else replace(mesh, faces=mesh.faces[solid])

@@ -1,0 +1,186 @@
+"""What is wrong with a scene file, in the words of its author: table, key, what was found and what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import types
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel, Tag, ValidationError
+from pydantic_core import ErrorDetails
+
+from lightdepth.scene.toml_lines import TomlLines
+
+Place = tuple[str | int, ...]
+"""Keys and positions from the file's top inward, as pydantic counts them."""
+
+
+class Problems:
+    """Collects the problems of one scene file."""
+
+    def __init__(self, path: Path, text: str, document: Mapping[str, Any]) -> None:
+        self._path = path
+        self._lines = TomlLines(text)
+        self._document = document
+        self._messages: list[tuple[int, str]] = []
+
+    def __bool__(self) -> bool:
+        return bool(self._messages)
+
+    def __str__(self) -> str:
+        """All problems in the order of the file, one line each."""
+        return "\n".join(message for _, message in sorted(self._messages, key=lambda m: m[0]))
+
+    def add(self, place: Place, message: str, key: str | None = None) -> None:
+        """Note a problem at a place of the file, which may stand on the line of a further key there."""
+        table, position, keys, title = _split(place, self._document)
+        line = self._lines.line_of(table, position, keys if key is None else (*keys, key))
+        where = [str(self._path) + (f":{line}" if line else ""), *([title] if title else []), *keys]
+        self._messages.append((line or 0, ": ".join([*where, message])))
+
+    def add_all(self, error: ValidationError, model: type[BaseModel]) -> None:
+        """Note every problem that pydantic found while it validated ``model``."""
+        for details in error.errors(include_url=False):
+            place, expected = _without_tags(details["loc"], model)
+            message = _message(details, expected)
+            if details["type"] in ("extra_forbidden", "missing"):
+                self.add(place[:-1], message, str(place[-1]))
+            else:
+                self.add(place, message)
+
+
+def _split(place: Place, document: Mapping[str, Any]) -> tuple[str, int, tuple[str, ...], str]:
+    """Table name, position in an array of tables, keys within the table, and the table's title for a message."""
+    if not place:
+        return "", 0, (), ""
+    first, rest = str(place[0]), place[1:]
+    if first in ("real", "synthetic") and rest and isinstance(rest[0], int):
+        number = rest[0]
+        entry = document[first][number]
+        name = entry.get("name") if isinstance(entry, dict) else None
+        title = f"[[{first}]] {number + 1}" + (f' ("{name}")' if isinstance(name, str) else "")
+        return first, number, _keys(rest[1:]), title
+    if first == "camera" and rest:
+        return f"camera.{rest[0]}", 0, _keys(rest[1:]), f"[camera.{rest[0]}]"
+    if isinstance(document.get(first), dict):
+        return first, 0, _keys(rest), f"[{first}]"
+    return "", 0, _keys(place), ""
+
+
+def _keys(place: Place) -> tuple[str, ...]:
+    """The named keys of a place; positions in lists of numbers say little and are left out."""
+    return tuple(str(piece) for piece in place if isinstance(piece, str))
+
+
+def _message(details: ErrorDetails, expected: Any) -> str:
+    """One problem in plain words."""
+    key, found, context = str(details["loc"][-1]), details["input"], details.get("ctx", {})
+    match details["type"]:
+        case "extra_forbidden":
+            return f"unknown key '{key}'{nearest(key, _field_names(expected))}"
+        case "missing":
+            return f"the key '{key}' is missing"
+        case "union_tag_not_found":
+            return f"the key 'type' is missing; allowed: {', '.join(_type_names(expected))}"
+        case "union_tag_invalid":
+            tag = str(context["tag"])
+            return f"type: '{tag}' is not known{nearest(tag, _type_names(expected))}"
+        case "literal_error":
+            allowed = [str(value) for value in _literals(expected)]
+            return f"{found!r} is not known{nearest(str(found), allowed)}"
+        case "value_error":
+            message = str(context["error"])
+        case "kind_of_object":
+            return details["msg"]
+        case _:
+            message = details["msg"].replace("Input should", "must", 1).replace("must a ", "must be a ", 1)
+    simple = isinstance(found, str | int | float | list) and "no such file" not in message
+    return f"{message}, found {found!r}" if simple else message
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """``; did you mean 'x'? allowed: ...`` for a word that is not among the known ones."""
+    known = list(known)
+    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.5)
+    hint = f"; did you mean '{close[0]}'?" if close else ";"
+    return f"{hint} allowed: {', '.join(known)}"
+
+
+def _without_tags(place: Sequence[str | int], model: type[BaseModel]) -> tuple[Place, Any]:
+    """Pydantic's location without the union arms that it names, and the type that is expected there.
+
+    Where the last piece is a key that the model does not know, or one that is missing, the type is the model.
+    """
+    expected: Any = model
+    kept: list[str | int] = []
+    for piece in place:
+        arm = _arm(expected, piece)
+        if arm is not None:
+            expected = arm
+            continue
+        kept.append(piece)
+        expected = _member(expected, piece)
+    return tuple(kept), expected
+
+
+def _arms(annotation: Any) -> list[Any]:
+    """The alternatives of a union, or the type itself."""
+    origin = get_origin(annotation)
+    if origin is Annotated and not any(isinstance(m, Tag) for m in get_args(annotation)[1:]):
+        return _arms(get_args(annotation)[0])
+    if origin in (Union, types.UnionType):
+        return [arm for part in get_args(annotation) for arm in _arms(part)]
+    return [annotation]
+
+
+def _tags(arm: Any) -> list[str]:
+    """What pydantic calls an arm of a discriminated union."""
+    if get_origin(arm) is Annotated:
+        return [m.tag for m in get_args(arm)[1:] if isinstance(m, Tag)]
+    if isinstance(arm, type) and issubclass(arm, BaseModel) and "type" in arm.model_fields:
+        return [str(name) for name in get_args(arm.model_fields["type"].annotation)]
+    return []
+
+
+def _arm(annotation: Any, piece: str | int) -> Any:
+    """The union's arm that a piece of a location names, or ``None``."""
+    arms = _arms(annotation)
+    return next((arm for arm in arms if len(arms) > 1 and piece in _tags(arm)), None)
+
+
+def _model(annotation: Any) -> type[BaseModel] | None:
+    """The one model that a type is, if it is one."""
+    for arm in _arms(annotation):
+        bare = get_args(arm)[0] if get_origin(arm) is Annotated else arm
+        if isinstance(bare, type) and issubclass(bare, BaseModel):
+            return bare
+    return None
+
+
+def _member(annotation: Any, piece: str | int) -> Any:
+    """The type of a field or an element; the model itself where it has no such field."""
+    if (model := _model(annotation)) is not None:
+        field = model.model_fields.get(str(piece))
+        if field is None or field.annotation is None:
+            return model
+        return Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
+    for arm in _arms(annotation):
+        arguments = get_args(arm)
+        if get_origin(arm) in (list, dict) and arguments:
+            return arguments[-1]
+    return annotation
+
+
+def _field_names(annotation: Any) -> list[str]:
+    model = _model(annotation)
+    return [] if model is None else list(model.model_fields)
+
+
+def _type_names(annotation: Any) -> list[str]:
+    return [tag for arm in _arms(annotation) for tag in _tags(arm)]
+
+
+def _literals(annotation: Any) -> list[Any]:
+    return [value for arm in _arms(annotation) if get_origin(arm) is Literal for value in get_args(arm)]

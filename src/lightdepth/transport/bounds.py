@@ -1,0 +1,114 @@
+"""The synthetic objects' bounds as seen from a point: where a ray must go to meet something new.
+
+A support point changes only by what synthetic surfaces do to its light (theory, eq. 4), so part of its rays is aimed at
+spheres around the objects, and paths that can hardly meet one any more are ended early.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightdepth.kernel.opaque import opaque_point
+
+MOST_SPHERES = 6
+"""Objects beyond this number share spheres; every sphere costs a test at each support vertex."""
+AIMED_SHARE = 0.5
+"""Share of the rays that are aimed where the objects fill a small part of the view."""
+
+
+class ObjectBounds:
+    """Spheres that enclose the synthetic objects.
+
+    Args:
+        boxes: the objects' bounding boxes, world, metres: pairs of corners, each of shape (3,).
+    """
+
+    def __init__(self, boxes: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
+        spheres = [(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))) for low, high in boxes]
+        self.spheres = _merge_nearest(spheres)
+        self._centres = [opaque_point(centre) for centre, _ in self.spheres]
+        self._radii = [dr.opaque(mi.Float, radius) for _, radius in self.spheres]
+
+    def cones(self, point: mi.Point3f) -> Cones:
+        """The cones of directions from points (world, metres) that the spheres fill."""
+        return Cones(point, self._centres, self._radii)
+
+
+class Cones:
+    """Directions from a point toward the spheres, sampled uniformly over the sum of their solid angles."""
+
+    def __init__(self, point: mi.Point3f, centres: list[mi.Point3f], radii: list[mi.Float]) -> None:
+        self._axes, self._cosines, self._solid_angles = [], [], []
+        self.solid_angle = mi.Float(0.0)
+        for centre, radius in zip(centres, radii, strict=True):
+            offset = mi.Vector3f(centre - point)
+            squared = dr.squared_norm(offset)
+            sine_squared = dr.square(radius) / dr.maximum(squared, 1e-20)
+            cosine = dr.select(sine_squared < 1.0, dr.safe_sqrt(1.0 - sine_squared), -1.0)
+            # 1 - cos without cancellation, for objects that are far away.
+            versine = dr.select(sine_squared < 1.0, sine_squared / (1.0 + cosine), 2.0)
+            self._axes.append(offset * dr.rsqrt(dr.maximum(squared, 1e-20)))
+            self._cosines.append(cosine)
+            self._solid_angles.append(dr.two_pi * versine)
+            self.solid_angle += self._solid_angles[-1]
+
+    @property
+    def aimed_share(self) -> mi.Float:
+        """Share of rays to aim: less and less where the spheres fill the view, where aiming gains nothing."""
+        return AIMED_SHARE * dr.maximum(1.0 - self.solid_angle * dr.inv_two_pi, 0.0)
+
+    def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
+        """A unit direction, uniform over the cones; ``choice`` and ``position`` are uniform in [0, 1)."""
+        remaining = choice * self.solid_angle
+        axis, versine = self._axes[0], self._solid_angles[0]
+        chosen = mi.Bool(False)
+        for candidate, solid_angle in zip(self._axes, self._solid_angles, strict=True):
+            here = ~chosen & (remaining < solid_angle)
+            axis, versine = dr.select(here, candidate, axis), dr.select(here, solid_angle, versine)
+            chosen |= here
+            remaining = dr.select(chosen, remaining, remaining - solid_angle)
+        fall = position.x * versine * dr.inv_two_pi
+        sine = dr.safe_sqrt(fall * (2.0 - fall))
+        sin_phi, cos_phi = dr.sincos(dr.two_pi * position.y)
+        return mi.Frame3f(axis).to_world(mi.Vector3f(sine * cos_phi, sine * sin_phi, 1.0 - fall))
+
+    def pdf(self, direction: mi.Vector3f) -> mi.Float:
+        """Density of :meth:`sample` per steradian."""
+        covering = mi.Float(0.0)
+        for axis, cosine in zip(self._axes, self._cosines, strict=True):
+            covering += dr.select(dr.dot(axis, direction) >= cosine, 1.0, 0.0)
+        return dr.select(self.solid_angle > 0.0, covering / self.solid_angle, 0.0)
+
+
+def _merge_nearest(spheres: list[tuple[np.ndarray, float]]) -> list[tuple[np.ndarray, float]]:
+    """Merge spheres two by two, those first whose common sphere is the smallest, until few are left."""
+    while len(spheres) > 64:  # Many objects: a coarse first round along the longest axis keeps this quick.
+        axis = int(np.argmax(np.ptp([centre for centre, _ in spheres], axis=0)))
+        spheres = sorted(spheres, key=lambda sphere: float(sphere[0][axis]))
+        spheres = [_enclose(*spheres[i : i + 2]) for i in range(0, len(spheres), 2)]
+    while len(spheres) > MOST_SPHERES:
+        pairs = [(i, j) for i in range(len(spheres)) for j in range(i)]
+        i, j = min(pairs, key=lambda pair: _enclose(spheres[pair[0]], spheres[pair[1]])[1])
+        merged = _enclose(spheres[i], spheres[j])
+        spheres = [sphere for index, sphere in enumerate(spheres) if index not in (i, j)] + [merged]
+    return spheres
+
+
+def _enclose(
+    first: tuple[np.ndarray, float], second: tuple[np.ndarray, float] | None = None
+) -> tuple[np.ndarray, float]:
+    """The smallest sphere around one or two."""
+    if second is None:
+        return first
+    (a, ra), (b, rb) = first, second
+    distance = float(np.linalg.norm(b - a))
+    if distance + rb <= ra:
+        return first
+    if distance + ra <= rb:
+        return second
+    radius = 0.5 * (distance + ra + rb)
+    return a + (b - a) * ((radius - ra) / distance), radius

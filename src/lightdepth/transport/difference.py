@@ -1,0 +1,339 @@
+"""Path tracing of the difference that synthetic objects make to a photographed place.
+
+Theory, eq. (3) and (4): a camera ray that meets a support surface at ``q`` carries ``M(q) + D(q)``. ``M(q)`` is the
+photograph and is left to the film; this integrator estimates ``D``, and the radiance of synthetic surfaces, which is
+ordinary path tracing in a place whose surfaces send ``M(q) + D(q)``. One bit of state tells the two apart:
+``difference``, set where the last scattering happened on a support surface. It is the paper's ``pt`` (algorithm 1)
+turned round.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from lightdepth.kernel.real_surfaces import FaceKind
+from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit
+from lightdepth.scene.model import Gloss
+from lightdepth.transport.bounds import ObjectBounds
+from lightdepth.transport.place import SHADOW_RAY_END, Place
+from lightdepth.transport.recovered_albedo import albedo
+from lightdepth.transport.support import SpecularLobes, SupportScattering
+
+ROULETTE_DEPTH = 3
+"""Scatterings before paths are ended by the light that they still carry."""
+LARGEST_SURVIVAL = 0.95
+WANDERING_GAIN, SMALLEST_SURVIVAL = 2.0, 0.05
+"""A path on support surfaces goes on with this many times the share of the hemisphere that objects fill."""
+
+
+@dataclass
+class CameraSamples:
+    """Estimates along camera rays.
+
+    Attributes:
+        change: ``D`` of the support surface that the ray meets first, else 0; may be negative.
+        synthetic: radiance of the new surface that the ray meets first, else 0.
+        covered: whether the ray meets a new surface first.
+    """
+
+    change: mi.Color3f
+    synthetic: mi.Color3f
+    covered: mi.Bool
+
+
+class DifferenceIntegrator:
+    """The ``difference`` method, and with an infinitely far place the ``directional`` one.
+
+    Args:
+        place: the photographed place.
+        surfaces: real and synthetic surfaces.
+        glosses: the specular lobes that support surfaces may have.
+        bounds: the objects' bounds, or ``None`` without objects.
+        max_bounces: scatterings after which a path ends; negative for no limit.
+        clamp_indirect: largest value that light of two or more bounces may add to a sample, or ``None``.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        surfaces: TracedSurfaces,
+        glosses: Sequence[Gloss] = (),
+        bounds: ObjectBounds | None = None,
+        max_bounces: int = 8,
+        clamp_indirect: float | None = None,
+    ) -> None:
+        self.place = place
+        self.surfaces = surfaces
+        self.lobes = SpecularLobes(glosses)
+        self.bounds = bounds
+        self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
+        self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
+        shapes = surfaces.synthetic.shapes()
+        self.has_masks = any(mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Null) for shape in shapes)
+        self.has_emitters = len(surfaces.all.emitters()) > 0
+        self.has_relit = FaceKind.RELIT in surfaces.kinds
+        self.has_support = FaceKind.SUPPORT in surfaces.kinds
+        # Light samples are shared between the map and synthetic emitters.
+        self.map_share = 0.5 if self.has_emitters else 1.0
+
+    @dr.syntax
+    def sample(self, rng: mi.PCG32, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
+        """Follow one path along each camera ray.
+
+        Args:
+            rng: random numbers; advanced.
+            ray: camera rays, world.
+            active: rays outside the camera's image are not followed.
+        """
+        ray, active = mi.Ray3f(ray), mi.Bool(active)
+        radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
+        difference, first, covered = mi.Bool(False), mi.Bool(True), mi.Bool(False)
+        previous, previous_pdf = mi.Point3f(ray.o), mi.Float(0.0)
+        depth = mi.UInt32(0)
+        context = mi.BSDFContext()
+
+        while active:
+            found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+            on_real = active & self.surfaces.is_real(found)
+            on_synthetic = active & found.is_valid() & ~on_real
+            hit = self.surfaces.real_hit(ray, found, on_real)
+            on_relit = on_real & (hit.kind == int(FaceKind.RELIT))
+            si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+
+            # What the place sends along the ray: added by eq. (3) at real surfaces, subtracted by eq. (4) where a new
+            # surface stands before them and the last scattering was on support.
+            blocked = (on_synthetic | on_relit) & difference
+            arrived = active & ~on_synthetic & ~on_relit & ~difference & ~first
+            radiance += self._before(ray, hit, blocked, blocked & on_synthetic, arrived, previous, previous_pdf, throughput, depth)
+            if dr.hint(self.has_emitters, mode="scalar"):
+                radiance += self._emission(si, on_synthetic, first, previous, previous_pdf, throughput, depth)
+
+            covered |= first & (on_synthetic | on_relit)
+
+            # Only new surfaces and the seen side of support scatter.
+            outside = dr.dot(hit.normal, ray.d) < 0.0
+            on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & outside
+            active &= (on_synthetic | on_support) & (depth < self.max_bounces)
+            rho = self._albedo(hit, active & on_support)
+            active &= on_synthetic | (dr.max(rho) > 0.0) | (hit.gloss > 0)
+            on_support &= active
+            on_synthetic &= active
+            point = dr.select(on_synthetic, si.p, hit.point)
+            normal = dr.select(on_synthetic, si.n, hit.normal)
+            in_difference = on_support & ~on_relit
+            cones = None
+            if dr.hint(self.bounds is not None and self.has_support, mode="scalar"):
+                cones = self.bounds.cones(point)
+
+            # Roulette: by the light still carried, and on support by what could still be met.
+            survival = mi.Float(1.0)
+            if dr.hint(cones is not None, mode="scalar"):
+                reach = dr.clip(WANDERING_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_SURVIVAL, 1.0)
+                survival = dr.select(in_difference & ~first, reach, 1.0)
+            carried = dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL)
+            survival *= dr.select(depth >= ROULETTE_DEPTH, carried, 1.0)
+            active &= rng.next_float32(active) < survival
+            throughput *= dr.rcp(dr.maximum(survival, 1e-6))
+            on_support &= active
+            on_synthetic &= active
+            in_difference &= active
+
+            bsdf = si.bsdf(ray)
+            support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, in_difference)
+
+            # Light sampling, section 3.
+            radiance += self._direct(
+                rng, context, bsdf, si, support, point, normal, on_synthetic, on_support, in_difference, throughput, depth
+            )
+
+            # The next direction.
+            choice = rng.next_float32(active)
+            position = mi.Point2f(rng.next_float32(active), rng.next_float32(active))
+            drawn, weight = bsdf.sample(context, si, choice, position, on_synthetic)
+            direction = si.to_world(drawn.wo)
+            pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
+            through = on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
+            support_direction = support.sample(choice, position)
+            support_value, support_pdf = support.evaluate(support_direction)
+            direction = dr.select(on_support, support_direction, direction)
+            weight = dr.select(on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
+            throughput *= weight
+            # Passing through a mask's hole is no scattering: what was known of the last one stays.
+            previous_pdf = dr.select(through, previous_pdf, dr.select(on_support, support_pdf, pdf))
+            previous = dr.select(through, previous, point)
+            difference = dr.select(through, difference, in_difference)
+            covered = dr.select(through & first, False, covered)
+            first &= through
+            depth = dr.select(through, depth, depth + 1)
+            ray = leave(point, normal, direction)
+            active &= dr.max(throughput) > 0.0
+
+        change = dr.select(covered, 0.0, radiance)
+        synthetic = dr.select(covered, radiance, 0.0)
+        return CameraSamples(change, synthetic, covered)
+
+    # -- The terms ----------------------------------------------------------------------------------------------
+
+    def _before(
+        self,
+        ray: mi.Ray3f,
+        hit: RealHit,
+        blocked: mi.Bool,
+        hidden: mi.Bool,
+        arrived: mi.Bool,
+        previous: mi.Point3f,
+        previous_pdf: mi.Float,
+        throughput: mi.Color3f,
+        depth: mi.UInt32,
+    ) -> mi.Color3f:
+        """``+M(q)`` where a path arrives at the place, ``-M(q)`` where a new surface blocks it.
+
+        Args:
+            ray: the rays that met ``hit`` or something before it.
+            hit: real surfaces met.
+            blocked: a new surface was met in difference mode.
+            hidden: ``blocked`` by a surface behind which ``q`` must still be found.
+            arrived: a real surface or the sky was met otherwise.
+            previous: where the last scattering was.
+            previous_pdf: density with which its direction was drawn; 0 where light sampling could not draw it.
+            throughput: of the path.
+            depth: scatterings so far.
+        """
+        if not self.place.infinite and self.surfaces.has_real and self.surfaces.has_synthetic:
+            behind = self.surfaces.first_real(ray, hidden)
+            hit = select_hit(hidden, behind, hit)
+        wanted = blocked | arrived
+        distance = dr.norm(hit.point - previous)
+        radiance, pdf = self.place.seen(hit, ray.d, distance, wanted)
+        weight = _mis_weight(previous_pdf, pdf * self.map_share)
+        value = self._clamped(throughput * radiance * weight, depth)
+        return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
+
+    def _emission(
+        self,
+        si: mi.SurfaceInteraction3f,
+        on_synthetic: mi.Bool,
+        first: mi.Bool,
+        previous: mi.Point3f,
+        previous_pdf: mi.Float,
+        throughput: mi.Color3f,
+        depth: mi.UInt32,
+    ) -> mi.Color3f:
+        """Light that synthetic surfaces emit along the ray."""
+        emitter = si.emitter(self.surfaces.all, on_synthetic)
+        shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
+        reference = dr.zeros(mi.Interaction3f)
+        reference.p = previous
+        sampled = mi.DirectionSample3f(self.surfaces.all, si, reference)
+        pdf = self.surfaces.all.pdf_emitter_direction(reference, sampled, shines & ~first)
+        weight = dr.select(first, 1.0, _mis_weight(previous_pdf, pdf * (1.0 - self.map_share)))
+        return dr.select(shines, self._clamped(throughput * emitter.eval(si, shines) * weight, depth), 0.0)
+
+    def _albedo(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
+        """Recovered albedo at support points, else 0."""
+        if not (self.has_support or self.has_relit):
+            return mi.Color3f(0.0)
+        radiance = self.place.surface_radiance(hit, active)
+        return albedo(radiance, self.surfaces.irradiance(hit, active)) & active
+
+    def _direct(
+        self,
+        rng: mi.PCG32,
+        context: mi.BSDFContext,
+        bsdf: mi.BSDFPtr,
+        si: mi.SurfaceInteraction3f,
+        support: SupportScattering,
+        point: mi.Point3f,
+        normal: mi.Vector3f,
+        on_synthetic: mi.Bool,
+        on_support: mi.Bool,
+        in_difference: mi.Bool,
+        throughput: mi.Color3f,
+        depth: mi.UInt32,
+    ) -> mi.Color3f:
+        """Light sampling at a vertex.
+
+        A light sample ``l`` counts where it is what the vertex sees: where no other real surface stands between. At a
+        synthetic point it is lost if something new stands between; at a support point in difference mode that is just
+        when it counts, as ``-M(l)``.
+        """
+        active = on_synthetic | on_support
+        number = rng.next_float32(active)
+        from_map = mi.Bool(True)
+        if self.has_emitters:
+            from_map = number < self.map_share
+            number = dr.select(from_map, number / self.map_share, number)
+        light = self.place.light(number, active & from_map)
+        direction, distance, pdf = self.place.toward(light, point)
+        pdf *= self.map_share
+        radiance = light.radiance
+        if self.has_emitters:
+            reference = dr.zeros(mi.SurfaceInteraction3f)
+            reference.p, reference.n = point, normal
+            from_emitter = active & ~from_map
+            position = mi.Point2f(rng.next_float32(active), rng.next_float32(active))
+            sampled, weight = self.surfaces.all.sample_emitter_direction(reference, position, False, from_emitter)
+            direction = dr.select(from_map, direction, sampled.d)
+            distance = dr.select(from_map, distance, sampled.dist)
+            pdf = dr.select(from_map, pdf, sampled.pdf * (1.0 - self.map_share))
+            radiance = dr.select(from_map, radiance, weight * sampled.pdf)
+
+        bsdf_value, bsdf_pdf = bsdf.eval_pdf(context, si, si.to_local(direction), on_synthetic)
+        support_value, support_pdf = support.evaluate(direction)
+        value = dr.select(on_synthetic, bsdf_value, support_value)
+        scattering_pdf = dr.select(on_synthetic, bsdf_pdf, support_pdf)
+        value *= throughput * radiance * (_mis_weight(pdf, scattering_pdf) / dr.maximum(pdf, 1e-20))
+        useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
+
+        # In difference mode the map's light counts where something new blocks it.
+        inverted = in_difference & from_map
+        shadow_ray = leave(point, normal, direction, distance * SHADOW_RAY_END)
+        passed = self._transmittance(shadow_ray, useful)
+        share = dr.select(inverted, passed - 1.0, passed)
+        if self.has_relit:
+            share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)
+        useful &= share != 0.0
+        if not self.surfaces.has_real:
+            return dr.select(useful, self._clamped(value * share, depth), 0.0)
+        tested = useful & ~from_map if self.place.infinite else useful
+        hidden = self.surfaces.real.ray_test(shadow_ray, coherent=False, active=tested)
+        return dr.select(useful & ~hidden, self._clamped(value * share, depth), 0.0)
+
+    def _transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
+        """Share of light that passes all synthetic surfaces along shadow rays."""
+        if not self.surfaces.has_synthetic:
+            return mi.Float(1.0)
+        if self.has_masks:
+            return self._masked_transmittance(ray, active)
+        return dr.select(self.surfaces.synthetic.ray_test(ray, coherent=False, active=active), 0.0, 1.0)
+
+    @dr.syntax
+    def _masked_transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
+        """The same where materials have holes: from surface to surface."""
+        ray, active, passed = mi.Ray3f(ray), mi.Bool(active), mi.Float(1.0)
+        while active:
+            si = self.surfaces.synthetic.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
+            active &= si.is_valid()
+            passed *= dr.select(active, dr.mean(si.bsdf().eval_null_transmission(si, active)), 1.0)
+            active &= passed > 0.0
+            remaining = ray.maxt - si.t
+            ray = leave(si.p, si.n, ray.d, remaining)
+        return passed
+
+    def _clamped(self, value: mi.Color3f, depth: mi.UInt32) -> mi.Color3f:
+        """Indirect light held to the user's bound, where there is one."""
+        if self.clamp is None:
+            return value
+        scale = dr.minimum(1.0, self.clamp / dr.maximum(dr.max(dr.abs(value)), 1e-20))
+        return dr.select(depth > 1, value * scale, value)
+
+
+def _mis_weight(pdf: mi.Float, other: mi.Float) -> mi.Float:
+    """Power heuristic; 1 where ``pdf`` is 0, which marks directions that no other technique can draw."""
+    squared = dr.square(pdf)
+    weight = squared / (squared + dr.square(other))
+    return dr.select(pdf > 0.0, weight, 1.0)

@@ -1,0 +1,228 @@
+"""The real place before insertion: what is seen of it from anywhere, and how to sample its light.
+
+Equations: docs/theory.md, sections 2 and 3. The paper's ``M(w, z)`` of section 4, its eq. 4 (a real point's radiance is
+read from the map in the direction from the capture point), and section 5.6 (lights at their real positions), with
+the change of measure that the paper leaves out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.kernel.real_surfaces import FaceKind
+from lightdepth.kernel.tracing import RealHit, TracedSurfaces
+from lightdepth.lightmap.distribution import MapDistribution, latlong_to_direction
+from lightdepth.scene.model import Panorama
+
+LIGHT_SAMPLES = 1 << 19
+"""Light samples drawn at once; every path of a pass picks among them."""
+SHADOW_RAY_END = 0.999
+"""Share of the way to a light sample that must be free: the sample's own surface must not count as in front of it."""
+DEPTH_TOLERANCE = 0.01
+"""Relative difference of distances up to which the capture point is taken to see a real point."""
+
+
+@dataclass
+class LightSample:
+    """Places that emit light, drawn in proportion to the map's radiance.
+
+    Attributes:
+        place: world position in metres where ``finite``, else unit world direction toward the sky.
+        normal: of the real surface there, unit, world.
+        density: per square metre of that surface where ``finite``, else per steradian; 0: the sample is void.
+        radiance: M there.
+        finite: false for sky.
+        on_relit: on a surface that is relit in full, so that its light is no light of the new scene.
+    """
+
+    place: mi.Vector3f
+    normal: mi.Vector3f
+    density: mi.Float
+    radiance: mi.Color3f
+    finite: mi.Bool
+    on_relit: mi.Bool
+
+
+class Place:
+    """The photographed place.
+
+    Args:
+        panorama: the photograph and its pose.
+        surfaces: the real surfaces to trace.
+        infinite: take every depth as infinite: the directional method.
+    """
+
+    def __init__(self, panorama: Panorama, surfaces: TracedSurfaces, infinite: bool = False) -> None:
+        self.map = MapDistribution(panorama.radiance)
+        self.surfaces = surfaces
+        self.infinite = infinite
+        self._to_world = opaque_matrix(panorama.rotation)
+        self._to_light = opaque_matrix(panorama.rotation.T)
+        self.capture = np.asarray(panorama.position, dtype=np.float64)
+        self._capture = opaque_point(panorama.position)
+        self._pixel_angle = math.pi / self.map.height
+        self._depth = self._depth_map()
+        self._lights = mi.Float(0.0)
+        self._light_count = mi.UInt32(0)
+
+    # -- What is seen -------------------------------------------------------------------------------------------
+
+    def from_capture(self, hit: RealHit, direction: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float]:
+        """``WTL q / |WTL q|`` and ``|WTL q|``; for sky the direction itself and infinity.
+
+        Args:
+            hit: the first real surfaces ``q``.
+            direction: of the rays that found them, unit, world.
+        """
+        offset = hit.point - self._capture
+        distance = dr.norm(offset)
+        seen = dr.select(hit.valid, mi.Vector3f(offset) * dr.rcp(dr.maximum(distance, 1e-20)), direction)
+        return self._to_light @ seen, dr.select(hit.valid, distance, dr.inf)
+
+    def seen(
+        self, hit: RealHit, direction: mi.Vector3f, distance: mi.Float, active: mi.Bool
+    ) -> tuple[mi.Color3f, mi.Float]:
+        """``M(q)`` and ``p_x(w)``, the density with which light sampling at ``x`` finds it.
+
+        Args:
+            hit: ``q(x, w)``, the first real surfaces along ``w``.
+            direction: ``w``, unit, world.
+            distance: from ``x`` to ``q`` in metres.
+            active: where it is wanted.
+
+        Returns:
+            Radiance, and density per steradian at ``x``: the theory's eq. (8), 0 where the capture point does not see
+            ``q``.
+        """
+        if self.infinite:
+            return self.map.radiance_and_pdf(self._to_light @ direction)
+        w0, depth = self.from_capture(hit, direction)
+        radiance, pdf = self.map.radiance_and_pdf(w0)
+        cosine_capture = dr.abs(dr.dot(hit.normal, self._to_world @ w0))
+        cosine_here = dr.abs(dr.dot(hit.normal, direction))
+        jacobian = dr.square(distance / depth) * cosine_capture / dr.maximum(cosine_here, 1e-6)
+        pdf = dr.select(hit.valid, pdf * jacobian, pdf)
+        pdf = dr.select(self._capture_sees(w0, depth, cosine_capture), pdf, 0.0)
+        if self.surfaces.deformed:
+            rest = self.surfaces.rest_point(hit, active & hit.valid)
+            at_rest = self.map.radiance(self._to_light @ dr.normalize(mi.Vector3f(rest - self._capture)))
+            radiance = dr.select(hit.valid, at_rest, radiance)
+        return radiance, pdf
+
+    def photograph(self, hit: RealHit, direction: mi.Vector3f) -> mi.Color3f:
+        """``M(q)`` as a camera sees it: sharply interpolated, at the rest position of what is deformed."""
+        point = dr.select(hit.valid, self.surfaces.rest_point(hit, hit.valid), hit.point)
+        seen = dr.select(hit.valid, dr.normalize(mi.Vector3f(point - self._capture)), direction)
+        return self.map.sharp_radiance(self._to_light @ seen)
+
+    def surface_radiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
+        """M at points of real surfaces, at their rest positions (paper, section 5.8)."""
+        point = self.surfaces.rest_point(hit, active)
+        return self.map.radiance(self._to_light @ dr.normalize(mi.Vector3f(point - self._capture)))
+
+    # -- Sampling its light -------------------------------------------------------------------------------------
+
+    def draw_lights(self, generator: np.random.Generator, count: int = LIGHT_SAMPLES) -> None:
+        """Draw the light samples that :meth:`light` hands out until the next call.
+
+        Each is a direction from the capture point in proportion to the map's luminance, followed to the first real
+        surface. All vertices of a pass share them, so that this search is paid once and not at every vertex.
+        """
+        _, w0 = self.map.sample(count, generator)
+        direction = self._to_world @ w0
+        radiance, pdf = self.map.radiance_and_pdf(w0)
+        if self.infinite or not self.surfaces.has_real:
+            place, normal, density = direction, mi.Vector3f(0.0, 0.0, 1.0), pdf
+            finite, relit = mi.Bool(False), mi.Bool(False)
+        else:
+            hit = self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True))
+            cosine = dr.abs(dr.dot(hit.normal, direction))
+            seen = self._capture_sees(w0, dr.select(hit.valid, hit.distance, dr.inf), cosine)
+            finite, relit = hit.valid, hit.kind == int(FaceKind.RELIT)
+            place = dr.select(finite, mi.Vector3f(hit.point), direction)
+            normal = hit.normal
+            density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
+            if self.surfaces.deformed:
+                radiance = dr.select(finite, self.surface_radiance(hit, finite), radiance)
+        flags = dr.select(finite, 1.0, 0.0) + dr.select(relit, 2.0, 0.0)
+        packed = [place.x, place.y, place.z, density, normal.x, normal.y, normal.z, flags]
+        packed += [radiance.x, radiance.y, radiance.z, mi.Float(0.0)]
+        table = dr.zeros(mi.Float, 12 * count)
+        index = dr.arange(mi.UInt32, count)
+        for slot, values in enumerate(packed):
+            dr.scatter(table, values, 12 * index + slot)
+        self._lights = table
+        self._light_count = dr.opaque(mi.UInt32, count)
+        dr.eval(self._lights)
+
+    def light(self, number: mi.Float, active: mi.Bool) -> LightSample:
+        """Pick light samples by uniform random numbers in [0, 1)."""
+        index = 3 * dr.minimum(mi.UInt32(number * mi.Float(self._light_count)), self._light_count - 1)
+        first = dr.gather(mi.Vector4f, self._lights, index, active)
+        second = dr.gather(mi.Vector4f, self._lights, index + 1, active)
+        third = dr.gather(mi.Vector4f, self._lights, index + 2, active)
+        flags = mi.UInt32(second.w)
+        return LightSample(
+            mi.Vector3f(first.x, first.y, first.z),
+            mi.Vector3f(second.x, second.y, second.z),
+            first.w,
+            mi.Color3f(third.x, third.y, third.z),
+            (flags & 1) != 0,
+            (flags & 2) != 0,
+        )
+
+    def toward(self, light: LightSample, point: mi.Point3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
+        """Direction, distance and density of light samples as seen from points.
+
+        Args:
+            light: the samples.
+            point: world, metres.
+
+        Returns:
+            ``(unit direction, distance in metres or inf, density per steradian at the point)``: eq. (8).
+        """
+        offset = light.place - mi.Vector3f(point)
+        distance = dr.norm(offset)
+        direction = dr.select(light.finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), light.place)
+        cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
+        pdf = dr.select(light.finite, light.density * dr.square(distance) / cosine, light.density)
+        return direction, dr.select(light.finite, distance, dr.inf), pdf
+
+    # -- The depth of the map -----------------------------------------------------------------------------------
+
+    def _depth_map(self) -> mi.Float:
+        """``z(w)`` at the pixels' centres, metres, inf for sky."""
+        if self.infinite or not self.surfaces.has_real:
+            return mi.Float(dr.inf)
+        rows = []
+        index = dr.arange(mi.UInt32, self.map.width * 64)
+        for first in range(0, self.map.height, 64):
+            pixel = index + first * self.map.width
+            u = (mi.Float(pixel % self.map.width) + 0.5) / self.map.width
+            v = (mi.Float(pixel // self.map.width) + 0.5) / self.map.height
+            ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
+            found = self.surfaces.real.ray_intersect_preliminary(ray, coherent=True)
+            rows.append(dr.select(found.is_valid(), found.t, dr.inf).numpy())
+        return mi.Float(np.concatenate(rows)[: self.map.width * self.map.height])
+
+    def _capture_sees(self, w0: mi.Vector3f, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
+        """Whether the capture point sees a place, as shadow maps decide it: by the depth of the map in its direction.
+
+        Args:
+            w0: unit direction from the capture point, light space.
+            depth: the place's distance from it, metres, inf for sky.
+            cosine: between the direction and the surface's normal; slanted surfaces change depth within a pixel.
+        """
+        if self.infinite or not self.surfaces.has_real:
+            return mi.Bool(True)
+        mapped = dr.gather(mi.Float, self._depth, self.map.pixel(w0))
+        tolerance = DEPTH_TOLERANCE + self._pixel_angle / dr.maximum(cosine, 0.05)
+        both_sky = dr.isinf(mapped) & dr.isinf(depth)
+        return both_sky | (dr.abs(depth - mapped) <= tolerance * mapped)
+
