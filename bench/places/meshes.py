@@ -23,13 +23,13 @@ def rectangle(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, holes: Se
         holes: what is cut out.
 
     Returns:
-        The triangles of all cells that no hole covers.
+        The triangles of all cells that no hole covers; their texture coordinates go from 0 to 1 along the edges.
     """
     corner, edge_u, edge_v = (np.asarray(vector, dtype=np.float64) for vector in (corner, edge_u, edge_v))
     length_u, length_v = np.linalg.norm(edge_u), np.linalg.norm(edge_v)
     us = np.unique([0.0, length_u, *(value for hole in holes for value in hole[:2])])
     vs = np.unique([0.0, length_v, *(value for hole in holes for value in hole[2:])])
-    vertices = [corner + u / length_u * edge_u + v / length_v * edge_v for v in vs for u in us]
+    coordinates = np.array([(u / length_u, v / length_v) for v in vs for u in us])
     faces = []
     for row in range(len(vs) - 1):
         for column in range(len(us) - 1):
@@ -38,7 +38,10 @@ def rectangle(corner: ArrayLike, edge_u: ArrayLike, edge_v: ArrayLike, holes: Se
                 continue
             a, b = row * len(us) + column, (row + 1) * len(us) + column
             faces += [(a, a + 1, b + 1), (a, b + 1, b)]
-    return Mesh(np.asarray(vertices, np.float32), np.asarray(faces, np.int32))
+    vertices = corner + coordinates[:, :1] * edge_u + coordinates[:, 1:] * edge_v
+    return Mesh(
+        vertices.astype(np.float32), np.asarray(faces, np.int32), texture_coordinates=coordinates.astype(np.float32)
+    )
 
 
 def box(low: ArrayLike, high: ArrayLike, sides: str = "-x+x-y+y-z+z") -> Mesh:
@@ -63,11 +66,17 @@ def box(low: ArrayLike, high: ArrayLike, sides: str = "-x+x-y+y-z+z") -> Mesh:
 
 
 def join(meshes: Sequence[Mesh]) -> Mesh:
-    """Several meshes as one, flat-shaded; vertices are not merged."""
+    """Several rectangles as one mesh, flat-shaded; their textures stand side by side, vertices are not merged."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    coordinates = [
+        (mesh.texture_coordinates + (tile, 0.0)) / (len(meshes), 1.0)
+        for tile, mesh in enumerate(meshes)
+        if mesh.texture_coordinates is not None
+    ]
     return Mesh(
         np.concatenate([mesh.vertices for mesh in meshes]),
         np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts[:-1], strict=True)]).astype(np.int32),
+        texture_coordinates=np.concatenate(coordinates).astype(np.float32),
     )
 
 

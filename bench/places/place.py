@@ -67,12 +67,14 @@ class Place:
         Args:
             objects: with the synthetic objects, whose keys then start with ``synthetic``, or without.
         """
+        from lightdepth.kernel.shapes import mesh_shape
+
         entries: dict[str, Any] = {"type": "scene"}
         for index, part in enumerate(self.parts):
             plugins: dict[str, Any] = {"bsdf": {"type": "diffuse", "reflectance": rgb(part.color)}}
             if part.radiance is not None:
                 plugins["emitter"] = {"type": "area", "radiance": rgb(part.radiance)}
-            entries[f"real_{index}"] = mitsuba_mesh(part.mesh, f"real_{index}", plugins)
+            entries[f"real_{index}"] = mesh_shape(part.mesh, **loaded(plugins))
         if self.sky is not None:
             entries |= self.sky.mitsuba()
         if objects:
@@ -169,24 +171,11 @@ class Sky:
         }
 
 
-def mitsuba_mesh(mesh: Mesh, name: str, plugins: dict[str, Any]) -> Any:
-    """A Mitsuba mesh of lightdepth's triangles, flat-shaded, with its BSDF and, where ``plugins`` has one, emitter."""
-    import mitsuba as mi
-
-    properties = mi.Properties()
-    for key, plugin in plugins.items():
-        properties[key] = mi.load_dict(plugin)
-    made = mi.Mesh(name, len(mesh.vertices), len(mesh.faces), props=properties)
-    parameters = mi.traverse(made)
-    parameters["vertex_positions"] = np.ravel(mesh.vertices)
-    parameters["faces"] = np.ravel(mesh.faces).astype(np.uint32)
-    parameters.update()
-    return made
-
-
 def mitsuba_objects(objects: tuple[SyntheticObject, ...]) -> dict[str, Any]:
     """Synthetic objects as entries of a Mitsuba scene dictionary, with keys ``synthetic_0``, ``synthetic_1``, ..."""
     import mitsuba as mi
+
+    from lightdepth.kernel.shapes import mesh_shape
 
     entries: dict[str, Any] = {}
     for part in (part for item in objects for part in item.parts):
@@ -196,5 +185,13 @@ def mitsuba_objects(objects: tuple[SyntheticObject, ...]) -> dict[str, Any]:
             to_world = mi.ScalarTransform4f(part.geometry.to_world)
             entries[name] = {"type": part.geometry.kind, "to_world": to_world, **plugins}
         else:
-            entries[name] = mitsuba_mesh(part.geometry, name, plugins)
+            entries[name] = mesh_shape(part.geometry, **loaded(plugins))
+            entries[name].set_id(name)
     return entries
+
+
+def loaded(plugins: dict[str, Any]) -> dict[str, Any]:
+    """Plugin dictionaries as Mitsuba objects, under the same keys."""
+    import mitsuba as mi
+
+    return {key: mi.load_dict(plugin) for key, plugin in plugins.items()}

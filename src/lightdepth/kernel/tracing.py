@@ -129,7 +129,9 @@ def select_hit(choice: mi.Bool, first: RealHit, second: RealHit) -> RealHit:
     return RealHit(*(dr.select(choice, getattr(first, name), getattr(second, name)) for name in names))
 
 
-def leave(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, length: mi.Float | float = dr.inf) -> mi.Ray3f:
+def leave(
+    point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, length: mi.Float | float = dr.inf
+) -> mi.Ray3f:
     """A ray that leaves a surface on the side to which ``direction`` points.
 
     Args:

@@ -108,7 +108,9 @@ class DifferenceIntegrator:
             # surface stands before them and the last scattering was on support.
             blocked = (on_synthetic | on_relit) & difference
             arrived = active & ~on_synthetic & ~on_relit & ~difference & ~first
-            radiance += self._before(ray, hit, blocked, blocked & on_synthetic, arrived, previous, previous_pdf, throughput, depth)
+            radiance += self._before(
+                ray, hit, blocked, blocked & on_synthetic, arrived, previous, previous_pdf, throughput, depth
+            )
             if dr.hint(self.has_emitters, mode="scalar"):
                 radiance += self._emission(si, on_synthetic, first, previous, previous_pdf, throughput, depth)
 
@@ -147,7 +149,18 @@ class DifferenceIntegrator:
 
             # Light sampling, section 3.
             radiance += self._direct(
-                rng, context, bsdf, si, support, point, normal, on_synthetic, on_support, in_difference, throughput, depth
+                rng,
+                context,
+                bsdf,
+                si,
+                support,
+                point,
+                normal,
+                on_synthetic,
+                on_support,
+                in_difference,
+                throughput,
+                depth,
             )
 
             # The next direction.

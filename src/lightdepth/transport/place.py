@@ -225,4 +225,3 @@ class Place:
         tolerance = DEPTH_TOLERANCE + self._pixel_angle / dr.maximum(cosine, 0.05)
         both_sky = dr.isinf(mapped) & dr.isinf(depth)
         return both_sky | (dr.abs(depth - mapped) <= tolerance * mapped)
-
