@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import sys
+from importlib import metadata
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
+from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
 
 app = typer.Typer(
@@ -17,7 +20,18 @@ app = typer.Typer(
     add_completion=False,
 )
 
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", is_eager=True, help="Print the version and exit.")] = False,
+) -> None:
+    if version:
+        typer.echo(metadata.version("lightdepth"))
+        raise typer.Exit
+
+
 # Every command is listed here. The modules load nothing heavy before the command runs.
+app.command()(render)
 
 
 def main() -> None:

@@ -9,8 +9,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from lightdepth.kernel.meshes import to_mitsuba_mesh
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
+from lightdepth.kernel.shapes import mesh_shape
 
 RAY_EPSILON = 1e-4
 """Offset of a ray's origin from the surface it leaves, relative to ``1 + |p|``."""
@@ -54,7 +54,8 @@ class TracedSurfaces:
         self.has_synthetic = len(shapes) > 0
         self.deformed = surfaces.deformed
         self.kinds = frozenset(FaceKind(int(kind)) for kind in np.unique(surfaces.kind))
-        real = {"real": to_mitsuba_mesh("real", surfaces.mesh())} if self.has_real else {}
+        black = mi.load_dict({"type": "diffuse", "reflectance": 0.0})
+        real = {"real": mesh_shape(surfaces.mesh(), black)} if self.has_real else {}
         new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
         self.real = _scene(real)
         self.synthetic = _scene(new)

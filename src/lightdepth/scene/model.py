@@ -144,7 +144,7 @@ class CameraView:
     rotation: NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """Everything that a rendering needs."""
 

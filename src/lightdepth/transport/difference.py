@@ -95,6 +95,7 @@ class DifferenceIntegrator:
         previous, previous_pdf = mi.Point3f(ray.o), mi.Float(0.0)
         depth = mi.UInt32(0)
         context = mi.BSDFContext()
+        bounds = self.bounds if self.has_support else None
 
         while active:
             found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
@@ -128,8 +129,8 @@ class DifferenceIntegrator:
             normal = dr.select(on_synthetic, si.n, hit.normal)
             in_difference = on_support & ~on_relit
             cones = None
-            if dr.hint(self.bounds is not None and self.has_support, mode="scalar"):
-                cones = self.bounds.cones(point)
+            if dr.hint(bounds is not None, mode="scalar"):
+                cones = bounds.cones(point)
 
             # Roulette: by the light still carried, and on support by what could still be met.
             survival = mi.Float(1.0)

@@ -1,7 +1,7 @@
 """The irradiance that the place had before insertion, at points of its surfaces.
 
-Equation: docs/theory.md, eq. (5): ``E(p) = integral of M(q(p, w)) cos dw``. Per colour channel and without bias it takes
-the part of the paper's scale factor ``ES`` (eq. 7 and 8).
+Equation: docs/theory.md, eq. (5): ``E(p) = integral of M(q(p, w)) cos dw``. Per colour channel and without bias it
+takes the part of the paper's scale factor ``ES`` (eq. 7 and 8).
 """
 
 from __future__ import annotations

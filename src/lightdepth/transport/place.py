@@ -8,6 +8,7 @@ the change of measure that the paper leaves out.
 from __future__ import annotations
 
 import math
+from copy import copy
 from dataclasses import dataclass
 
 import drjit as dr
@@ -70,6 +71,12 @@ class Place:
         self._depth = self._depth_map()
         self._lights = mi.Float(0.0)
         self._light_count = mi.UInt32(0)
+
+    def with_surfaces(self, surfaces: TracedSurfaces) -> Place:
+        """The same place traced with other meshes of the same surfaces, refined ones for instance."""
+        place = copy(self)
+        place.surfaces = surfaces
+        return place
 
     # -- What is seen -------------------------------------------------------------------------------------------
 

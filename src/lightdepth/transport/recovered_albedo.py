@@ -1,7 +1,7 @@
 """Recovering what the support surfaces reflect: irradiance at their vertices, refined until it interpolates well.
 
-Equation: docs/theory.md, eq. (6): ``rho(p) = pi M(p) / E(p)``. The division happens at every shaded point, with M at full
-resolution; only E is stored at vertices, as the paper stores its scale factor (section 5.4).
+Equation: docs/theory.md, eq. (6): ``rho(p) = pi M(p) / E(p)``. The division happens at every shaded point, with M at
+full resolution; only E is stored at vertices, as the paper stores its scale factor (section 5.4).
 """
 
 from __future__ import annotations

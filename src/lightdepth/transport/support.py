@@ -1,6 +1,7 @@
 """Scattering at support surfaces: ``f_p`` of the difference integral, and how its directions are drawn.
 
-Theory, eq. (4) to (6): a Lambertian lobe with the recovered albedo and, where the user asks for gloss, a GGX lobe on top.
+Theory, eq. (4) to (6): a Lambertian lobe with the recovered albedo and, where the user asks for gloss, a GGX lobe on
+top.
 """
 
 from __future__ import annotations

@@ -1,0 +1,112 @@
+"""The public Python interface: load a scene, render it, or watch it being rendered."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+from lightdepth.errors import InputError
+from lightdepth.kernel.start import Device, start
+from lightdepth.scene.load import load_scene
+from lightdepth.scene.model import CameraView, Scene
+
+if TYPE_CHECKING:
+    from lightdepth.film.frame import Frame
+    from lightdepth.film.rendering import Progress, Rendering
+    from lightdepth.transport.methods import Prepared
+
+__all__ = ["begin_rendering", "load_scene", "render"]
+
+DEFAULT_METHOD = "difference"
+
+
+def render(
+    scene: Scene,
+    camera: str | None = None,
+    samples: int | None = None,
+    noise: float | None = None,
+    method: str = DEFAULT_METHOD,
+    seed: int | None = None,
+    device: Device = "auto",
+    denoise: bool = False,
+    progress: Callable[[Progress], None] | None = None,
+) -> Frame:
+    """Render a camera of a scene.
+
+    Args:
+        scene: from :func:`load_scene`, or made in memory.
+        camera: name of the camera; the scene's first by default.
+        samples: samples per pixel; the scene's own setting by default.
+        noise: relative error at which a pixel is done; the scene's own setting by default.
+        method: ``difference``, or another name out of ``lightdepth.transport.methods.METHODS``.
+        seed: of the random numbers; the scene's own setting by default.
+        device: ``auto``, ``cpu`` or ``cuda``.
+        denoise: denoise the change and the synthetic layer.
+        progress: called after every pass.
+
+    Returns:
+        The image with its layers.
+
+    Raises:
+        InputError: the camera or the method is unknown, or the scene cannot be rendered.
+        SetupError: the renderer or the denoiser is not installed rightly.
+    """
+    settings = scene.render
+    rendering = begin_rendering(scene, camera, method, seed, device)
+    noise = settings.noise if noise is None else noise
+    for step in rendering.run(settings.samples if samples is None else samples, noise):
+        if progress is not None:
+            progress(step)
+    frame = rendering.frame()
+    if denoise:
+        from lightdepth.film.denoising import denoise as denoised
+
+        return denoised(frame, rendering.panoramic)
+    return frame
+
+
+def begin_rendering(
+    scene: Scene,
+    camera: str | None = None,
+    method: str = DEFAULT_METHOD,
+    seed: int | None = None,
+    device: Device = "auto",
+) -> Rendering:
+    """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
+
+    Takes the arguments and raises the errors of :func:`render`. What the cameras of a scene share is prepared once.
+    """
+    start(device)
+    from lightdepth.film.rendering import Rendering
+
+    view = find_camera(scene, camera)
+    return Rendering(scene, _prepare(scene, method), view, scene.render.seed if seed is None else seed)
+
+
+def find_camera(scene: Scene, name: str | None) -> CameraView:
+    """A camera by name, or the first.
+
+    Raises:
+        InputError: there is no camera of this name.
+    """
+    if name is None:
+        return next(iter(scene.cameras.values()))
+    if name not in scene.cameras:
+        raise InputError(f"{scene.path or 'scene'}: no camera '{name}'; it has {', '.join(scene.cameras)}")
+    return scene.cameras[name]
+
+
+def with_settings(scene: Scene, **settings: object) -> Scene:
+    """A scene with other values in its ``[render]`` table."""
+    return replace(scene, render=replace(scene.render, **settings))  # type: ignore[arg-type]
+
+
+@lru_cache(maxsize=2)
+def _prepare(scene: Scene, method: str) -> Prepared:
+    from lightdepth.transport.methods import METHODS
+
+    if method not in METHODS:
+        raise InputError(f"method '{method}' is unknown; allowed are {', '.join(METHODS)}")
+    return METHODS[method](scene)

@@ -1,0 +1,198 @@
+"""`lightdepth render`: a scene file to pictures."""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from lightdepth.errors import InputError
+
+if TYPE_CHECKING:
+    from lightdepth.film.frame import Frame
+    from lightdepth.film.rendering import Progress as Step
+    from lightdepth.film.rendering import Rendering
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it."""
+
+
+def render(
+    scene: Annotated[Path, typer.Argument(help="The scene file (TOML).")],
+    camera: Annotated[str | None, typer.Option(help="Name of the camera; the first by default.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The EXR file to write; a PNG is written beside it.")
+    ] = None,
+    samples: Annotated[int | None, typer.Option(min=1, help="Samples per influenced pixel.")] = None,
+    noise: Annotated[
+        float | None, typer.Option(min=1e-6, help="Stop where the estimated relative error is below this.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, max=2**32 - 1, help="Seed of the random numbers.")] = None,
+    method: Annotated[str, typer.Option(help="difference | envpath | directional")] = "difference",
+    device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
+    denoise: Annotated[bool, typer.Option("--denoise", help="Denoise the change and the new objects only.")] = False,
+    exposure: Annotated[
+        float | None, typer.Option(help="Exposure of the PNG in stops; from the photograph by default.")
+    ] = None,
+    layers: Annotated[
+        str, typer.Option(help="Layers to write beside the picture, comma-separated; 'all' or 'none'.")
+    ] = "all",
+    repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
+    progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is told.")] = "bar",
+    preview_seconds: Annotated[
+        float | None, typer.Option(min=0.1, help="Write the unfinished picture every so many seconds.")
+    ] = None,
+) -> None:
+    """Render new objects into the photographed place.
+
+    Writes the linear HDR picture with its layers as OpenEXR, and a tone-mapped PNG beside it. Ctrl-C writes what has
+    been rendered so far.
+
+    Example: lightdepth render examples/lounge/scene.toml --camera view -o out/view.exr --samples 64
+    """
+    from lightdepth.api import begin_rendering, load_scene
+    from lightdepth.film.layers import LAYERS
+    from lightdepth.kernel.start import start
+
+    loaded = load_scene(scene, repair)
+    name = camera or next(iter(loaded.cameras))
+    target = output or Path(f"{scene.stem}-{name}.exr")
+    chosen = {"all": None, "none": []}.get(layers, [layer.strip() for layer in layers.split(",")])
+    _check_output(target, chosen, LAYERS)
+    start(device)
+    teller = _Teller(progress, target)
+    teller.say("preparing")
+    rendering = begin_rendering(loaded, name, method, seed, device)
+    noise = loaded.render.noise if noise is None else noise
+    steps = rendering.run(loaded.render.samples if samples is None else samples, noise)
+    interrupted = _Interruption()
+
+    def write(final: bool) -> Frame:
+        frame = rendering.frame(auxiliary=final)
+        if denoise and final:
+            from lightdepth.film.denoising import denoise as denoised
+
+            frame = denoised(frame, rendering.panoramic)
+        frame.metadata.update(rendering.metadata(method))
+        _write(target, frame, rendering, chosen if final else [], exposure)
+        return frame
+
+    with teller, interrupted:
+        last = time.monotonic()
+        for step in steps:
+            teller.tell(step)
+            if interrupted.asked:
+                break
+            if preview_seconds is not None and time.monotonic() - last > preview_seconds:
+                write(final=False)
+                teller.event({"event": "preview", "file": str(target)})
+                last = time.monotonic()
+    write(final=True)
+    teller.done(interrupted.asked)
+    if interrupted.asked:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _check_output(target: Path, layers: list[str] | None, known: Any) -> None:
+    """Refuse what cannot be written before any time is spent."""
+    if target.suffix.lower() != ".exr":
+        raise InputError(f"-o {target}: '{target.suffix}' is not allowed; the output is an .exr file")
+    unknown = [layer for layer in layers or [] if layer not in known]
+    if unknown:
+        raise InputError(f"--layers: '{unknown[0]}' is unknown; allowed are all, none, {', '.join(known)}")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        probe = target.parent / f".{target.name}.probe"
+        probe.touch()
+        probe.unlink()
+    except OSError as error:
+        raise InputError(f"-o {target}: cannot be written ({error.strerror})") from error
+
+
+def _write(target: Path, frame: Frame, rendering: Rendering, layers: list[str] | None, exposure: float | None) -> None:
+    from lightdepth.film.layers import write_frame, write_picture
+
+    write_frame(target, frame, latlong=rendering.panoramic, layers=layers)
+    write_picture(target.with_suffix(".png"), frame, exposure)
+
+
+class _Interruption:
+    """Notes Ctrl-C instead of raising, so that the current pass ends and the picture is written."""
+
+    def __init__(self) -> None:
+        self.asked = False
+
+    def __enter__(self) -> _Interruption:
+        self._before = signal.signal(signal.SIGINT, self._note)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        signal.signal(signal.SIGINT, self._before)
+
+    def _note(self, *_: object) -> None:
+        self.asked = True
+
+
+class _Teller:
+    """Tells progress as a bar for persons, as a JSON object a line for programs, or not at all."""
+
+    def __init__(self, kind: str, target: Path) -> None:
+        self._kind, self._target = kind, target
+        self._console = Console(stderr=True, highlight=False, soft_wrap=True)
+        self._bar: Progress | None = None
+        if kind == "bar":
+            columns = (
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.percentage:>3.0f}%  {task.fields[facts]}"),
+                TimeRemainingColumn(),
+            )
+            self._bar = Progress(*columns, console=self._console, transient=False)
+            self._task = self._bar.add_task(target.stem, total=1.0, facts="")
+
+    def __enter__(self) -> _Teller:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def say(self, stage: str) -> None:
+        if self._kind == "json":
+            self.event({"event": stage})
+        elif self._kind == "bar":
+            self._console.print(f"{stage} {self._target.stem} ...")
+
+    def tell(self, step: Step) -> None:
+        self.event(
+            {
+                "event": "progress",
+                "fraction": round(step.fraction, 4),
+                "samples": round(step.samples, 2),
+                "error": round(step.error, 5),
+                "seconds_left": round(step.seconds_left, 1),
+            }
+        )
+        if self._bar is not None:
+            facts = f"{step.samples:.0f} samples, error {100 * step.error:.1f} %"
+            self._bar.update(self._task, completed=step.fraction, facts=facts)
+
+    def event(self, event: dict[str, object]) -> None:
+        if self._kind == "json":
+            sys.stdout.write(json.dumps(event) + "\n")
+            sys.stdout.flush()
+
+    def done(self, interrupted: bool) -> None:
+        self.event({"event": "interrupted" if interrupted else "done", "file": str(self._target)})
+        if self._kind != "json":
+            prefix = "interrupted; what was rendered so far is in" if interrupted else "wrote"
+            self._console.print(f"{prefix} {self._target} and {self._target.with_suffix('.png')}")

@@ -1,0 +1,81 @@
+"""What is seen at the pixels besides light: which object, how far, its normal and albedo."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.scene.model import CameraView
+from lightdepth.transport.methods import Prepared
+
+ROWS_AT_ONCE = 64
+SUBPIXELS = 2
+"""Points along each side of a pixel over which normal and albedo are averaged."""
+
+
+def render_auxiliary(
+    view: CameraView, prepared: Prepared
+) -> tuple[NDArray[np.uint32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Object ids (h, w) and depth (h, w) at pixel centres, mean normal and albedo (h, w, 3) of each pixel.
+
+    The albedo of real surfaces is the photograph held to 1, which is what guides a denoiser best; that of mirrors and
+    glass is 1.
+    """
+    width, height = view.camera.resolution
+    object_id = np.empty((height, width), np.uint32)
+    depth = np.empty((height, width), np.float32)
+    normal = np.empty((height, width, 3), np.float32)
+    albedo = np.empty((height, width, 3), np.float32)
+    origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
+    offsets = [(i + 0.5) / SUBPIXELS for i in range(SUBPIXELS)]
+    for first in range(0, height, ROWS_AT_ONCE):
+        rows = min(ROWS_AT_ONCE, height - first)
+        lane = dr.arange(mi.UInt32, width * rows)
+        column, row = mi.Float(lane % width), mi.Float(lane // width + dr.opaque(mi.UInt32, first))
+
+        def rays(x: float, y: float, column: mi.Float = column, row: mi.Float = row) -> tuple[mi.Ray3f, mi.Bool]:
+            film = mi.Point2f((column + x) / width, (row + y) / height)
+            start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
+            return mi.Ray3f(origin + rotation @ start, rotation @ direction), inside
+
+        here = slice(first, first + rows)
+        ray, inside = rays(0.5, 0.5)
+        found = prepared.surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
+        object_id[here] = _object_ids(prepared, found, inside).numpy().reshape(rows, width)
+        depth[here] = dr.select(inside & found.is_valid(), found.t, dr.inf).numpy().reshape(rows, width)
+        mean_normal, mean_albedo = mi.Vector3f(0.0), mi.Color3f(0.0)
+        for x in offsets:
+            for y in offsets:
+                one_normal, one_albedo = _surface(prepared, *rays(x, y))
+                mean_normal += one_normal
+                mean_albedo += one_albedo
+        mean_normal *= dr.rsqrt(dr.maximum(dr.squared_norm(mean_normal), 1e-12))
+        normal[here] = mean_normal.numpy().T.reshape(rows, width, 3)
+        albedo[here] = (mean_albedo / SUBPIXELS**2).numpy().T.reshape(rows, width, 3)
+    return object_id, depth, normal, albedo
+
+
+def _object_ids(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside: mi.Bool) -> mi.UInt32:
+    """0 for real surfaces and sky, 1 + index of the object for synthetic ones."""
+    result = mi.UInt32(0) & inside
+    for index, shape in prepared.shapes:
+        result = dr.select(inside & found.is_valid() & (found.shape == mi.ShapePtr(shape)), index + 1, result)
+    return result + dr.zeros(mi.UInt32, dr.width(inside)) if dr.width(result) == 1 else result
+
+
+def _surface(prepared: Prepared, ray: mi.Ray3f, inside: mi.Bool) -> tuple[mi.Vector3f, mi.Color3f]:
+    surfaces, place = prepared.surfaces, prepared.place
+    found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
+    on_real = inside & surfaces.is_real(found)
+    on_synthetic = inside & found.is_valid() & ~on_real
+    hit = surfaces.real_hit(ray, found, on_real)
+    si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+    bsdf = si.bsdf(ray)
+    diffuse = bsdf.eval_diffuse_reflectance(si, on_synthetic)
+    diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
+    normal = dr.select(on_synthetic, si.sh_frame.n, hit.normal & on_real)
+    seen = dr.minimum(place.photograph(hit, ray.d), 1.0) & inside
+    return normal, dr.select(on_synthetic, diffuse, seen)

@@ -1,0 +1,71 @@
+"""The plate: the photograph as a camera sees it, free of noise."""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.cameras import Equirectangular
+from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.scene.model import CameraView, Panorama
+from lightdepth.transport.place import Place
+
+ROWS_AT_ONCE = 64
+MOST_SUBPIXELS = 8
+
+
+def is_capture_camera(view: CameraView, panorama: Panorama) -> bool:
+    """Whether a camera's pixels are those of the panorama."""
+    return (
+        isinstance(view.camera, Equirectangular)
+        and view.camera.resolution == panorama.radiance.shape[1::-1]
+        and np.allclose(view.position, panorama.position, rtol=0.0, atol=1e-9)
+        and np.allclose(view.rotation, panorama.rotation, rtol=0.0, atol=1e-9)
+    )
+
+
+def render_plate(view: CameraView, panorama: Panorama, place: Place) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Resample the photograph for a camera.
+
+    Returns:
+        ``(plate, alpha)``, shapes (height, width, 3) and (height, width), float32: radiance, black outside the
+        camera's image, and the share of each pixel inside it. A camera whose pixels are the panorama's gets these,
+        bit for bit; any other one the mean over a grid of points in each pixel, fine enough for the panorama's detail.
+    """
+    width, height = view.camera.resolution
+    if is_capture_camera(view, panorama):
+        return panorama.radiance, np.ones((height, width), np.float32)
+    subpixels = _subpixels(view, place)
+    plate = np.empty((height, width, 3), np.float32)
+    alpha = np.empty((height, width), np.float32)
+    origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
+    for first in range(0, height, ROWS_AT_ONCE):
+        rows = min(ROWS_AT_ONCE, height - first)
+        lane = dr.arange(mi.UInt32, width * rows)
+        column, row = mi.Float(lane % width), mi.Float(lane // width + dr.opaque(mi.UInt32, first))
+        total, share = mi.Color3f(0.0), dr.zeros(mi.Float, width * rows)
+        for i in range(subpixels):
+            for j in range(subpixels):
+                film = mi.Point2f((column + (i + 0.5) / subpixels) / width, (row + (j + 0.5) / subpixels) / height)
+                start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
+                ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
+                hit = place.surfaces.first_real(ray, inside)
+                total += place.photograph(hit, ray.d) & inside
+                share += dr.select(inside, 1.0, 0.0)
+        scale = 1.0 / subpixels**2
+        plate[first : first + rows] = (total * scale).numpy().T.reshape(rows, width, 3)
+        alpha[first : first + rows] = (share * scale).numpy().reshape(rows, width)
+    return plate, alpha
+
+
+def _subpixels(view: CameraView, place: Place) -> int:
+    """Points along each side of a pixel, so that they lie at most one pixel of the panorama apart."""
+    _, height = view.camera.resolution
+    x = mi.Float(np.linspace(0.1, 0.9, 9).repeat(9).astype(np.float32))
+    y = mi.Float(np.tile(np.linspace(0.1, 0.9, 9), 9).astype(np.float32))
+    _, direction, _ = view.camera.camera_rays(mi.Point2f(x, y), mi.Point2f(0.5))
+    _, beside, _ = view.camera.camera_rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
+    angle = float(np.max(dr.norm(direction - beside).numpy()))
+    return int(np.clip(np.ceil(angle * place.map.height / np.pi), 2, MOST_SUBPIXELS))

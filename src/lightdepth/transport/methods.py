@@ -1,0 +1,68 @@
+"""The methods of rendering, and a scene made ready for one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mitsuba as mi
+import numpy as np
+
+from lightdepth.kernel.real_surfaces import merge_real_surfaces
+from lightdepth.kernel.shapes import synthetic_shapes
+from lightdepth.kernel.tracing import TracedSurfaces
+from lightdepth.scene.model import Scene
+from lightdepth.transport.bounds import ObjectBounds
+from lightdepth.transport.difference import DifferenceIntegrator
+from lightdepth.transport.place import Place
+from lightdepth.transport.recovered_albedo import IrradianceReport, recover_irradiance
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scene ready to be sampled from any camera.
+
+    Attributes:
+        place: the photographed place.
+        surfaces: real and synthetic surfaces.
+        integrator: estimates along camera rays.
+        shapes: the synthetic shapes, each with the index of its object in the scene.
+        irradiance: how well the irradiance of the support is known.
+    """
+
+    place: Place
+    surfaces: TracedSurfaces
+    integrator: DifferenceIntegrator
+    shapes: tuple[tuple[int, mi.Shape], ...]
+    irradiance: IrradianceReport
+
+
+def _difference(scene: Scene, infinite: bool = False) -> Prepared:
+    generator = np.random.default_rng(scene.render.seed)
+    modelled = merge_real_surfaces(scene.real)
+    empty = Place(scene.panorama, TracedSurfaces(modelled), infinite)
+    shapes = tuple(synthetic_shapes(scene))
+    real, report = (
+        recover_irradiance(empty, modelled, generator) if shapes else (modelled, IrradianceReport(0, 0.0, 0.0))
+    )
+    surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
+    place = empty.with_surfaces(surfaces)
+    bounds = ObjectBounds(_boxes(shapes)) if shapes else None
+    settings = scene.render
+    integrator = DifferenceIntegrator(
+        place, surfaces, real.glosses, bounds, settings.max_bounces, settings.clamp_indirect
+    )
+    return Prepared(place, surfaces, integrator, shapes, report)
+
+
+def _directional(scene: Scene) -> Prepared:
+    return _difference(scene, infinite=True)
+
+
+METHODS: dict[str, Callable[[Scene], Prepared]] = {"difference": _difference, "directional": _directional}
+"""The methods by name. A new one is a file in this folder and a line here."""
+
+
+def _boxes(shapes: tuple[tuple[int, mi.Shape], ...]) -> list[tuple[np.ndarray, np.ndarray]]:
+    boxes = [shape.bbox() for _, shape in shapes]
+    return [(np.array(box.min).ravel(), np.array(box.max).ravel()) for box in boxes]
