@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from bench.places.place import Place
-from lightdepth.cameras import Camera
-from lightdepth.directions import euler_rotation, look_at_rotation
 from lightdepth.kernel.start import start
+from lightdepth.scene.model import CameraView
 
 CACHE = Path(__file__).parent / "results" / "cache"
 MAX_DEPTH = 32
-PHOTOGRAPH_RAYS = 1 << 26
 LANES = 1 << 22
 """Camera rays of one pass: bounds memory, whatever the size and the number of samples."""
 CACHE_FORMAT = 1
@@ -47,18 +45,9 @@ class Estimate:
     seconds: float
 
 
-def camera_pose(camera: Camera) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Camera space to world: rotation of shape (3, 3) and position of shape (3,), metres."""
-    position = np.asarray(camera.position, dtype=np.float64)
-    look_at = getattr(camera, "look_at", None)
-    if look_at is not None:
-        return look_at_rotation(position, look_at), position
-    return euler_rotation(camera.rotation or (0.0, 0.0, 0.0)), position
-
-
 def path_trace(
     scene: Any,
-    camera: Camera,
+    view: CameraView,
     samples: int,
     seed: int = 0,
     max_depth: int = MAX_DEPTH,
@@ -68,7 +57,7 @@ def path_trace(
 
     Args:
         scene: ``mi.Scene``; shapes whose id starts with ``synthetic`` count as covered.
-        camera: with position and orientation in world.
+        view: the camera.
         samples: camera rays a pixel, rounded up to whole passes; at least two passes are made.
         seed: of the random numbers.
         max_depth: path length of Mitsuba's ``path`` (its counting: 2 is direct light).
@@ -77,7 +66,7 @@ def path_trace(
     import drjit as dr
     import mitsuba as mi
 
-    width, height = camera.resolution
+    width, height = view.camera.resolution
     pixels = width * height
     sampler = mi.load_dict(
         {"type": "multijitter", "sample_count": int(max(1, min(LANES // pixels, (samples + 1) // 2)))}
@@ -89,7 +78,7 @@ def path_trace(
     spread = np.zeros((height, width, 3))
     began = time.perf_counter()
     for index in range(passes):
-        ray, inside = film_rays(camera, sampler, per_pass, seed * 65536 + index)
+        ray, inside = film_rays(view, sampler, per_pass, seed * 65536 + index)
         radiance, _, _ = integrator.sample(scene, sampler, ray, active=inside)
         radiance = dr.select(inside, radiance, 0.0)
         dr.eval(radiance)  # At once: summing evaluates its argument, and would trace the paths again for each channel.
@@ -103,14 +92,14 @@ def path_trace(
         if progress is not None:
             progress((index + 1) * per_pass, passes * per_pass)
     seconds = (time.perf_counter() - began - first) * passes / (passes - 1)
-    return Estimate(mean, spread / (passes * (passes - 1)), coverage(scene, camera), passes * per_pass, seconds)
+    return Estimate(mean, spread / (passes * (passes - 1)), coverage(scene, view), passes * per_pass, seconds)
 
 
-def film_rays(camera: Camera, sampler: Any, per_pixel: int, seed: int) -> tuple[Any, Any]:
+def film_rays(view: CameraView, sampler: Any, per_pixel: int, seed: int) -> tuple[Any, Any]:
     """Camera rays in world through every pixel, box-filtered.
 
     Args:
-        camera: with position and orientation in world.
+        view: the camera.
         sampler: a Mitsuba sampler; it is seeded here.
         per_pixel: rays a pixel; those of one pixel are neighbours.
         seed: of the random numbers.
@@ -121,26 +110,26 @@ def film_rays(camera: Camera, sampler: Any, per_pixel: int, seed: int) -> tuple[
     import drjit as dr
     import mitsuba as mi
 
-    width, height = camera.resolution
-    rotation, position = camera_pose(camera)
-    to_world, origin = mi.Matrix3f(rotation.astype(np.float32)), mi.Point3f(position.astype(np.float32))
-    dr.make_opaque(to_world, origin)
+    from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+
+    width, height = view.camera.resolution
+    to_world, origin = opaque_matrix(view.rotation), opaque_point(view.position)
     sampler.set_samples_per_wavefront(per_pixel)
     sampler.seed(seed, width * height * per_pixel)
     index = dr.arange(mi.UInt32, width * height * per_pixel) // dr.opaque(mi.UInt32, per_pixel)
     film = (mi.Point2f(index % width, index // width) + sampler.next_2d()) / mi.Point2f(width, height)
-    start_point, direction, inside = camera.camera_rays(film, sampler.next_2d())
+    start_point, direction, inside = view.camera.camera_rays(film, sampler.next_2d())
     return mi.RayDifferential3f(to_world @ mi.Vector3f(start_point) + origin, to_world @ direction), inside
 
 
-def coverage(scene: Any, camera: Camera) -> NDArray[np.float64]:
+def coverage(scene: Any, view: CameraView) -> NDArray[np.float64]:
     """Share of each pixel whose camera rays meet a synthetic object first, shape (height, width)."""
     import drjit as dr
     import mitsuba as mi
 
-    width, height = camera.resolution
+    width, height = view.camera.resolution
     sampler = mi.load_dict({"type": "multijitter", "sample_count": 16})
-    ray, inside = film_rays(camera, sampler, 16, seed=0)
+    ray, inside = film_rays(view, sampler, 16, seed=0)
     first = scene.ray_intersect_preliminary(mi.Ray3f(ray), active=inside).shape
     covered = dr.zeros(mi.Float, width * height * 16)
     for shape in scene.shapes():
@@ -232,14 +221,12 @@ def truth(place: Place, camera: str, width: int, samples: int, objects: bool = T
     return cached(key, make)
 
 
-def photograph(place: Place, width: int, samples: int | None = None) -> Estimate:
+def photograph(place: Place, width: int, samples: int) -> Estimate:
     """What a camera at the capture point sees of the empty place: the panorama that lightdepth is given.
 
     Args:
         place: its objects do not matter.
         width: pixels.
-        samples: camera rays a pixel; by default ``PHOTOGRAPH_RAYS`` in all, at least 256 a pixel.
+        samples: camera rays a pixel.
     """
-    if samples is None:
-        samples = max(256, PHOTOGRAPH_RAYS // (width * width // 2))
     return truth(place, "panorama", width, samples, objects=False, seed=2)

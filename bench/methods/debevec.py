@@ -30,7 +30,7 @@ def debevec(shot: Shot, samples: int, denoise: bool = False, seed: int = 0) -> R
     passes = []
     for with_objects in (True, False):
         scene = mi.load_dict(proxy_scene(shot, with_objects), optimize=False)
-        passes.append(path_trace(scene, shot.camera, samples, seed, MAX_BOUNCES + 1))
+        passes.append(path_trace(scene, shot.view, samples, seed, MAX_BOUNCES + 1))
     seconds = sum(one.seconds for one in passes)
     lit, empty = (one.mean for one in passes)
     if denoise:

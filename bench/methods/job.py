@@ -15,10 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.places.place import Part, Place
-from bench.truth import camera_pose
-from lightdepth.cameras import Camera
 from lightdepth.images.exr import ExrPart, write_exr
-from lightdepth.scene.model import AnalyticShape
+from lightdepth.scene.model import AnalyticShape, CameraView
 
 MAX_BOUNCES = 8
 """For every method, ours and the others."""
@@ -41,14 +39,14 @@ class Shot:
     Attributes:
         place: surfaces, objects, capture pose.
         panorama: the photograph, shape (h, 2 h, 3), float32.
-        camera: posed.
-        plate: the photograph that the objects are composited into, as seen by ``camera``, shape (height, width, 3).
+        view: the camera.
+        plate: the photograph that the objects are composited into, as seen by ``view``, shape (height, width, 3).
         coverage: share of each pixel that objects cover, for compositing, shape (height, width).
     """
 
     place: Place
     panorama: NDArray[np.float32]
-    camera: Camera
+    view: CameraView
     plate: NDArray[np.float64]
     coverage: NDArray[np.float64]
 
@@ -82,8 +80,8 @@ def run_worker(worker: str, shot: Shot, renders: Sequence[dict[str, Any]]) -> li
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_exr(folder / "panorama.exr", [ExrPart({c: shot.panorama[..., i] for i, c in enumerate("RGB")})])
-        rotation, position = camera_pose(shot.camera)
-        width, height = shot.camera.resolution
+        camera = shot.view.camera
+        width, height = camera.resolution
         arrays: dict[str, Any] = {"plate": shot.plate, "coverage": shot.coverage}
         real, objects = [], []
         for index, part in enumerate(shot.modelled):
@@ -105,12 +103,12 @@ def run_worker(worker: str, shot: Shot, renders: Sequence[dict[str, Any]]) -> li
             "real": real,
             "objects": objects,
             "camera": {
-                "type": shot.camera.type,
+                "type": camera.type,
                 "width": width,
                 "height": height,
-                "fov": getattr(shot.camera, "fov", None),
-                "position": position.tolist(),
-                "rotation": rotation.tolist(),
+                "fov": getattr(camera, "fov", None),
+                "position": shot.view.position.tolist(),
+                "rotation": shot.view.rotation.tolist(),
             },
             "max_bounces": MAX_BOUNCES,
             "threads": len(os.sched_getaffinity(0)),

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from bench.places.objects import Color, Point, rgb
-from lightdepth.cameras import Camera, Equirectangular
-from lightdepth.directions import euler_rotation
-from lightdepth.scene.model import AnalyticShape, Mesh, Panorama, RealSurface, Role, Scene, SyntheticObject
+from lightdepth.cameras import Equirectangular, Perspective
+from lightdepth.directions import euler_rotation, look_at_rotation
+from lightdepth.scene.model import AnalyticShape, CameraView, Mesh, Panorama, RealSurface, Role, Scene, SyntheticObject
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Place:
     objects: tuple[SyntheticObject, ...]
     position: Point
     rotation: Point
-    view: Camera
+    view: Perspective
     sky: Sky | None = None
     modelled: tuple[Part, ...] | None = None
     capture_error: Point = (0.0, 0.0, 0.0)
@@ -81,20 +81,22 @@ class Place:
             entries |= mitsuba_objects(self.objects)
         return entries
 
-    def camera(self, name: str, width: int) -> Camera:
+    def camera(self, name: str, width: int) -> CameraView:
         """The camera ``panorama`` (at the capture point) or ``view``, scaled to a width in pixels; posed in world."""
         if name == "panorama":
-            return Equirectangular(type="equirectangular", width=width, position=self.position, rotation=self.rotation)
-        size = {"width": width}
-        if "height" in type(self.view).model_fields:
-            size["height"] = width * self.view.resolution[1] // self.view.resolution[0]
-        return self.view.model_copy(update=size)
+            panorama = Equirectangular(type="equirectangular", width=width)
+            return CameraView(panorama, np.asarray(self.position), euler_rotation(self.rotation))
+        position = np.asarray(self.view.position)
+        size = {"width": width, "height": width * self.view.height // self.view.width}
+        rotation = look_at_rotation(position, self.view.look_at)
+        return CameraView(self.view.model_copy(update=size), position, rotation)
 
-    def scene(self, panorama_width: int, view_width: int | None = None) -> Scene:
+    def scene(self, panorama_width: int, panorama_samples: int = 512, view_width: int | None = None) -> Scene:
         """What a user of lightdepth would have of the place: its photograph, its meshes, the objects.
 
         Args:
             panorama_width: pixels of the photograph, and of the camera ``panorama``.
+            panorama_samples: camera rays a pixel of the photograph, which is path-traced.
             view_width: pixels of the camera ``view``; its own width by default.
         """
         from bench.truth import photograph
@@ -102,7 +104,7 @@ class Place:
         real = self.parts if self.modelled is None else self.modelled
         return Scene(
             panorama=Panorama(
-                radiance=photograph(self, panorama_width).mean.astype(np.float32),
+                radiance=photograph(self, panorama_width, panorama_samples).mean.astype(np.float32),
                 position=np.asarray(self.position) + np.asarray(self.capture_error),
                 rotation=euler_rotation(self.rotation),
             ),
