@@ -51,6 +51,7 @@ def path_trace(
     samples: int,
     seed: int = 0,
     max_depth: int = MAX_DEPTH,
+    with_coverage: bool = True,
     progress: Callable[[int, int], None] | None = None,
 ) -> Estimate:
     """Path-trace a loaded Mitsuba scene through a posed lightdepth camera.
@@ -61,6 +62,7 @@ def path_trace(
         samples: camera rays a pixel, rounded up to whole passes; at least two passes are made.
         seed: of the random numbers.
         max_depth: path length of Mitsuba's ``path`` (its counting: 2 is direct light).
+        with_coverage: whether coverage is wanted; it is 0 otherwise.
         progress: called after each pass with the samples done and to be done.
     """
     import drjit as dr
@@ -92,7 +94,8 @@ def path_trace(
         if progress is not None:
             progress((index + 1) * per_pass, passes * per_pass)
     seconds = (time.perf_counter() - began - first) * passes / (passes - 1)
-    return Estimate(mean, spread / (passes * (passes - 1)), coverage(scene, view), passes * per_pass, seconds)
+    covered = coverage(scene, view) if with_coverage else np.zeros((height, width))
+    return Estimate(mean, spread / (passes * (passes - 1)), covered, passes * per_pass, seconds)
 
 
 def film_rays(view: CameraView, sampler: Any, per_pixel: int, seed: int) -> tuple[Any, Any]:
@@ -208,7 +211,8 @@ def truth(place: Place, camera: str, width: int, samples: int, objects: bool = T
     """
     seen = place if objects else place.empty()
     posed = place.camera(camera, width)
-    key = content_hash(CACHE_FORMAT, MAX_DEPTH, seen.parts, seen.objects, seen.sky, posed, samples, seed)
+    surfaces = tuple((part.mesh.vertices, part.mesh.faces, part.color, part.radiance) for part in seen.parts)
+    key = content_hash(CACHE_FORMAT, MAX_DEPTH, surfaces, seen.objects, seen.sky, posed, samples, seed)
 
     start()
 

@@ -6,6 +6,7 @@ from bench.places.meshes import Hole, join, rectangle
 from bench.places.objects import object_set
 from bench.places.place import Part, Place
 from lightdepth.cameras import Perspective
+from lightdepth.scene.model import Role
 
 LEFT, CORNER_X, RIGHT = -3.0, 0.8, 3.0
 FRONT, CORNER_Y, BACK = -2.0, 1.5, 4.5
@@ -57,7 +58,7 @@ def l_shaped_room(objects: str = "mixed") -> Place:
     half = 0.5 * LAMP_SIZE
     for index, (x, y) in enumerate(LAMPS):
         mesh = rectangle((x - half, y - half, HEIGHT), (0.0, LAMP_SIZE, 0.0), (LAMP_SIZE, 0.0, 0.0))
-        parts.append(Part(f"lamp {index}", mesh, radiance=(420.0, 340.0, 240.0)))
+        parts.append(Part(f"lamp {index}", mesh, radiance=(420.0, 340.0, 240.0), role=Role.ENVIRONMENT))
     view = Perspective(
         type="perspective", width=320, height=240, fov=65.0, position=(-1.0, -1.4, 1.45), look_at=(0.75, 0.45, 0.35)
     )

@@ -6,6 +6,7 @@ from bench.places.meshes import box, join, rectangle
 from bench.places.objects import object_set
 from bench.places.place import Part, Place
 from lightdepth.cameras import Perspective
+from lightdepth.scene.model import Role
 
 X0, X1, Y0, Y1, HEIGHT = -2.4, 2.6, -2.6, 3.4, 2.7
 LAMP = (0.8, 1.4, 0.9, 1.5)
@@ -49,11 +50,13 @@ def lamp_and_window(objects: str = "mixed") -> Place:
             "lamp",
             rectangle((LAMP[0], LAMP[2], HEIGHT), (0.0, LAMP[3] - LAMP[2], 0.0), (LAMP[1] - LAMP[0], 0.0, 0.0)),
             radiance=(45.0, 36.0, 25.0),
+            role=Role.ENVIRONMENT,
         ),
         Part(
             "window",
             rectangle((X0, WINDOW[0], WINDOW[2]), (0.0, WINDOW[1] - WINDOW[0], 0.0), (0.0, 0.0, WINDOW[3] - WINDOW[2])),
             radiance=(7.0, 8.5, 11.0),
+            role=Role.ENVIRONMENT,
         ),
     )
     view = Perspective(

@@ -21,18 +21,15 @@ class Part:
         name: unique in its place.
         mesh: world, metres.
         color: albedo per channel; black for lamps.
-        radiance: what it emits per channel; ``None`` for all but lamps, which are environment surfaces.
+        radiance: what it emits per channel; ``None`` for all but lamps.
+        role: what the user declares it.
     """
 
     name: str
     mesh: Mesh
     color: Color = (0.0, 0.0, 0.0)
     radiance: Color | None = None
-
-    @property
-    def role(self) -> Role:
-        """Support for what reflects, environment for what glows."""
-        return Role.SUPPORT if self.radiance is None else Role.ENVIRONMENT
+    role: Role = Role.SUPPORT
 
 
 @dataclass(frozen=True)
@@ -115,6 +112,14 @@ class Place:
                 "view": self.camera("view", view_width or self.view.width),
             },
         )
+
+    def with_support(self, names: tuple[str, ...]) -> Place:
+        """The place with only these parts as support."""
+
+        def declared(part: Part) -> Part:
+            return replace(part, role=Role.SUPPORT if part.name in names else Role.ENVIRONMENT)
+
+        return replace(self, parts=tuple(map(declared, self.parts)))
 
     def empty(self) -> Place:
         """The place without objects."""
