@@ -9,6 +9,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from lightdepth.cli.check import check
+from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
 
@@ -31,6 +33,10 @@ def _options(
 
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
+app.command()(render)
+app.command()(lightmap)
+app.command()(check)
+app.command()(lightmap)
 app.command()(render)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+import lightdepth.kernel.metallic_roughness  # noqa: F401 - registers the BSDF
 from lightdepth.errors import InputError
 from lightdepth.kernel.textures import TextureCache
 from lightdepth.scene.materials import Material

@@ -49,6 +49,7 @@ def bitmap(texture: Texture, v_up: bool = False) -> mi.Texture:
             "type": "bitmap",
             "bitmap": mi.Bitmap(np.ascontiguousarray(texture.pixels)),
             "raw": True,
+            "format": "auto",  # half precision stays half
             "filter_type": "nearest" if texture.nearest else "bilinear",
             "wrap_mode": texture.wrap,
             "to_uv": mi.ScalarTransform3f(to_uv),

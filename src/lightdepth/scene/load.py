@@ -22,7 +22,9 @@ from lightdepth.images.validation import validate_panorama
 from lightdepth.scene.depth import read_depth
 from lightdepth.scene.materials import Material, Principled
 from lightdepth.scene.meshes import MeshPart, read_mesh_file
+from lightdepth.scene.meshes.emissive import split_emissive
 from lightdepth.scene.meshes.geometry import merged, placement, transformed
+from lightdepth.scene.meshes.mirrored import split_mirrored
 from lightdepth.scene.model import (
     AnalyticShape,
     CameraView,
@@ -178,7 +180,9 @@ def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject) -> Syn
     if isinstance(table, MeshObject):
         to_world = placement(table.position, table.rotation, table.scale)
         parts = read_mesh_file(table.mesh, with_materials=table.material is None)
-        return SyntheticObject(table.name, tuple(_part(part, to_world, table.material) for part in parts))
+        placed = [_part(part, to_world, table.material) for part in parts]
+        pieces = [piece for part in placed for half in split_mirrored(part) for piece in split_emissive(half)]
+        return SyntheticObject(table.name, tuple(pieces))
     if isinstance(table, SphereObject):
         to_world = placement(table.center, (0.0, 0.0, 0.0), (table.radius,) * 3)
     else:

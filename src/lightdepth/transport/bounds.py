@@ -14,6 +14,8 @@ import numpy as np
 
 from lightdepth.kernel.opaque import opaque_point
 
+Sphere = tuple[np.ndarray, float]
+"""Centre, shape (3,), world, and radius, both in metres."""
 MOST_SPHERES = 6
 """Objects beyond this number share spheres; every sphere costs a test at each support vertex."""
 AIMED_SHARE = 0.5
@@ -100,7 +102,7 @@ class Cones:
         return dr.select(self.solid_angle > 0.0, covering / self.solid_angle, 0.0)
 
 
-def _merge_nearest(spheres: list[tuple[np.ndarray, float]]) -> list[tuple[np.ndarray, float]]:
+def _merge_nearest(spheres: list[Sphere]) -> list[Sphere]:
     """Merge spheres two by two, those first whose common sphere is the smallest, until few are left."""
     while len(spheres) > 64:  # Many objects: a coarse first round along the longest axis keeps this quick.
         axis = int(np.argmax(np.ptp([centre for centre, _ in spheres], axis=0)))
@@ -114,9 +116,7 @@ def _merge_nearest(spheres: list[tuple[np.ndarray, float]]) -> list[tuple[np.nda
     return spheres
 
 
-def _enclose(
-    first: tuple[np.ndarray, float], second: tuple[np.ndarray, float] | None = None
-) -> tuple[np.ndarray, float]:
+def _enclose(first: Sphere, second: Sphere | None = None) -> Sphere:
     """The smallest sphere around one or two."""
     if second is None:
         return first

@@ -18,7 +18,7 @@ import mitsuba as mi
 from lightdepth.kernel.real_surfaces import FaceKind
 from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit
 from lightdepth.scene.model import Gloss
-from lightdepth.transport.bounds import ObjectBounds
+from lightdepth.transport.bounds import Cones, ObjectBounds
 from lightdepth.transport.place import SHADOW_RAY_END, Place
 from lightdepth.transport.recovered_albedo import albedo
 from lightdepth.transport.support import SpecularLobes, SupportScattering
@@ -128,7 +128,7 @@ class DifferenceIntegrator:
             point = dr.select(on_synthetic, si.p, hit.point)
             normal = dr.select(on_synthetic, si.n, hit.normal)
             in_difference = on_support & ~on_relit
-            cones = None
+            cones: Cones | None = None
             if dr.hint(bounds is not None, mode="scalar"):
                 cones = bounds.cones(point)
 

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from lightdepth.kernel.tracing import leave
 from lightdepth.transport.place import SHADOW_RAY_END, Place
 
-BATCH = 64
-"""Samples of each of the two techniques that a point gets at a time."""
-FEWEST_BATCHES, MOST_BATCHES = 4, 48
+SAMPLES = 1024
+"""Samples of each of the two techniques that a point gets. They are stratified, in two halves: on a hotel room with
+small lamps 64 gave 5 % error, 256 1.9 %, 1024 0.7 %."""
 LANES = 1 << 21
 
 
@@ -25,8 +25,8 @@ def estimate_irradiance(
     points: NDArray[np.float32],
     normals: NDArray[np.float32],
     generator: np.random.Generator,
-    error: float = 0.005,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    samples: int = SAMPLES,
+) -> tuple[NDArray[np.float32], float]:
     """Irradiance at points by multiple importance sampling of the map and of the cosine lobe.
 
     Args:
@@ -34,49 +34,41 @@ def estimate_irradiance(
         points: shape (n, 3), world, metres.
         normals: unit, on the side that receives, shape (n, 3), world.
         generator: source of randomness.
-        error: relative standard error at which a point is done; noisy points get more samples up to a bound.
+        samples: of each technique at each point, an even number.
 
     Returns:
-        ``(irradiance, relative standard error of its luminance)``, shapes (n, 3) and (n,), float32.
+        Irradiance, shape (n, 3), float32, and its relative standard error, that of the typical point.
     """
-    total = np.zeros((len(points), 3))
-    squares = np.zeros(len(points))
-    batches = np.zeros(len(points), np.int64)
-    pending = np.arange(len(points))
-    while len(pending):
-        # Later rounds take as much again as all before, so that few rounds suffice.
-        rounds = max(FEWEST_BATCHES, int(batches[pending[0]]))
+    half = samples // 2
+    results = np.zeros((2, len(points), 3))
+    for result in results:
         place.draw_lights(generator)
-        for _ in range(rounds):
-            for chunk in np.array_split(pending, max(1, -(-len(pending) * BATCH // LANES))):
-                value = _batch(place, points[chunk], normals[chunk], generator)
-                total[chunk] += value
-                squares[chunk] += value.mean(axis=1) ** 2
-                batches[chunk] += 1
-        mean = total[pending].mean(axis=1) / batches[pending]
-        variance = np.maximum(squares[pending] / batches[pending] - mean**2, 0.0) / (batches[pending] - 1)
-        undecided = np.sqrt(variance) > error * mean
-        pending = pending[undecided & (batches[pending] < MOST_BATCHES)]
-    mean = total.mean(axis=1) / batches
-    variance = np.maximum(squares / batches - mean**2, 0.0) / (batches - 1)
-    relative = np.sqrt(variance) / np.maximum(mean, 1e-30)
-    return (total / batches[:, None]).astype(np.float32), np.where(mean > 0, relative, 0.0).astype(np.float32)
+        for chunk in np.array_split(np.arange(len(points)), max(1, -(-len(points) * half // LANES))):
+            result[chunk] = _estimate(place, points[chunk], normals[chunk], generator, half)
+    mean = results.mean(axis=0)
+    difference = (results[0] - results[1]).mean(axis=1) / np.maximum(results.sum(axis=0).mean(axis=1), 1e-30)
+    # By the median, since points that are all but dark have any relative error.
+    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference)))
 
 
-def _batch(
-    place: Place, points: NDArray[np.float32], normals: NDArray[np.float32], generator: np.random.Generator
+def _estimate(
+    place: Place,
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    generator: np.random.Generator,
+    samples: int,
 ) -> NDArray[np.float64]:
     """One estimate for each point, shape (n, 3)."""
     count = len(points)
-    lane = dr.arange(mi.UInt32, count * BATCH)
-    owner, number = lane // BATCH, mi.Float(lane % BATCH)
+    lane = dr.arange(mi.UInt32, count * samples)
+    owner, number = lane // samples, mi.Float(lane % samples)
     point = dr.gather(mi.Point3f, mi.Float(points.reshape(-1)), owner)
     normal = dr.gather(mi.Vector3f, mi.Float(normals.reshape(-1)), owner)
     shifts = mi.Float(generator.random(3 * count, dtype=np.float32))
     shift = dr.gather(mi.Point3f, shifts, owner)
 
     # Light sampling.
-    light = place.light((number + shift.x) / BATCH, mi.Bool(True))
+    light = place.light((number + shift.x) / samples, mi.Bool(True))
     direction, distance, pdf_light = place.toward(light, point)
     cosine = dr.dot(normal, direction)
     useful = (cosine > 0.0) & (pdf_light > 0.0)
@@ -87,7 +79,7 @@ def _batch(
     value = dr.select(useful, light.radiance * (cosine * weight / pdf_light), 0.0)
 
     # Cosine sampling, by a lattice of the golden ratio's kind that is shifted at every point.
-    u = dr.fma(number, 1.0 / BATCH, shift.y)
+    u = dr.fma(number, 1.0 / samples, shift.y)
     v = dr.fma(number, 0.6180339887, shift.z)
     local = mi.warp.square_to_cosine_hemisphere(mi.Point2f(u - dr.floor(u), v - dr.floor(v)))
     direction = mi.Frame3f(normal).to_world(local)
@@ -95,5 +87,5 @@ def _batch(
     radiance, pdf_light = place.seen(hit, direction, hit.distance, mi.Bool(True))
     cosine = dr.maximum(local.z, 1e-6)
     value += radiance * (cosine / (pdf_light + cosine * dr.inv_pi))
-    sums = [dr.block_sum(channel, BATCH).numpy() for channel in (value.x, value.y, value.z)]
-    return np.stack(sums, axis=1).astype(np.float64) / BATCH
+    sums = [dr.block_sum(channel, samples).numpy() for channel in (value.x, value.y, value.z)]
+    return np.stack(sums, axis=1).astype(np.float64) / samples

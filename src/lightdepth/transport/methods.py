@@ -42,12 +42,11 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     modelled = merge_real_surfaces(scene.real)
     empty = Place(scene.panorama, TracedSurfaces(modelled), infinite)
     shapes = tuple(synthetic_shapes(scene))
-    real, report = (
-        recover_irradiance(empty, modelled, generator) if shapes else (modelled, IrradianceReport(0, 0.0, 0.0))
-    )
+    bounds = ObjectBounds(_boxes(shapes)) if shapes else None
+    spheres = bounds.spheres if bounds is not None else []
+    real, report = recover_irradiance(empty, modelled, spheres, generator)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
     place = empty.with_surfaces(surfaces)
-    bounds = ObjectBounds(_boxes(shapes)) if shapes else None
     settings = scene.render
     integrator = DifferenceIntegrator(
         place, surfaces, real.glosses, bounds, settings.max_bounces, settings.clamp_indirect

@@ -6,6 +6,7 @@ full resolution; only E is stored at vertices, as the paper stores its scale fac
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -16,21 +17,24 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
-from lightdepth.transport.irradiance import estimate_irradiance
+from lightdepth.transport.bounds import Sphere
+from lightdepth.transport.irradiance import SAMPLES, estimate_irradiance
 from lightdepth.transport.place import Place
 from lightdepth.transport.refinement import close_marks, find_edges, split_edges
 
-INTERPOLATION_TOLERANCE = 0.02
-"""Relative deviation at an edge's middle above which the edge is halved."""
-LEVELS = 7
-MOST_VERTICES = 30_000
+INTERPOLATION_TOLERANCE = 0.01
+"""Relative deviation at an edge's middle above which the edge is halved, where objects are near."""
+NEAR, FAR_TOLERANCE = 0.05, 4.0
+"""Below this share of the view that objects fill, the tolerance grows, up to this many times: less depends on it."""
+LEVELS = 6
+MOST_VERTICES = 20_000
 SHORTEST_EDGE = 0.01
 """Metres; shorter edges are not halved."""
-COARSEST_EDGE = 1 / 16
+COARSEST_EDGE = 1 / 10
 """Longest edge that is accepted unseen, as a share of the support's diagonal."""
 DARK = 1e-3
 """Vertices below this share of the median irradiance lie inside something; they take their neighbours' value."""
-CHECK_POINTS = 512
+CHECK_POINTS = 256
 GLOWING = 1.5
 """Ratio ``pi M / E`` above which a support surface is taken to shine by itself."""
 
@@ -41,7 +45,8 @@ class IrradianceReport:
 
     Attributes:
         vertices: how many vertices carry it.
-        mean_error: mean relative error of the interpolated luminance at random points of the support.
+        mean_error: mean relative error of the interpolated luminance at random points of the support, which lie the
+            denser the more of the view the objects fill there.
         largest_error: 95th percentile of the same.
     """
 
@@ -51,7 +56,7 @@ class IrradianceReport:
 
 
 def recover_irradiance(
-    place: Place, surfaces: RealSurfaces, generator: np.random.Generator
+    place: Place, surfaces: RealSurfaces, spheres: Sequence[Sphere], generator: np.random.Generator
 ) -> tuple[RealSurfaces, IrradianceReport]:
     """Give the support surfaces the irradiance that the place had, on meshes as fine as this needs.
 
@@ -60,6 +65,7 @@ def recover_irradiance(
     Args:
         place: the place before insertion, traced with ``surfaces``.
         surfaces: the real surfaces as modelled.
+        spheres: what encloses the synthetic objects; the meshes are finest near them.
         generator: source of randomness.
 
     Returns:
@@ -85,14 +91,16 @@ def recover_irradiance(
         ends = edges.ends[candidate]
         if not len(ends) or len(points) + len(ends) > MOST_VERTICES:
             break
-        value, error = estimate_irradiance(
-            place, points[ends].mean(axis=1).astype(np.float32), normal_of[ends[:, 0]], generator, 0.01
-        )
+        middles = points[ends].mean(axis=1).astype(np.float32)
+        value, error = estimate_irradiance(place, middles, normal_of[ends[:, 0]], generator)
         expected = irradiance[ends].mean(axis=1)
         scale = np.maximum(value.mean(axis=1), DARK * np.median(irradiance))
         deviation = np.abs(value - expected).max(axis=1) / scale
         marked = np.zeros(len(edges.ends), bool)
-        marked[candidate] = deviation > np.maximum(INTERPOLATION_TOLERANCE, 2.5 * error)
+        tolerance = INTERPOLATION_TOLERANCE * np.clip(
+            np.sqrt(NEAR / _share_of_view(middles, spheres)), 1.0, FAR_TOLERANCE
+        )
+        marked[candidate] = deviation > np.maximum(tolerance, 2.5 * error)
         if not marked.any():
             break
         marked = close_marks(edges, lengths, marked)
@@ -102,7 +110,7 @@ def recover_irradiance(
         if len(unknown):
             ends = edges.ends[unknown]
             known[unknown], _ = estimate_irradiance(
-                place, points[ends].mean(axis=1).astype(np.float32), normal_of[ends[:, 0]], generator, 0.01
+                place, points[ends].mean(axis=1).astype(np.float32), normal_of[ends[:, 0]], generator
             )
         middle = np.full(len(edges.ends), -1, np.int64)
         middle[marked] = len(points) + np.arange(int(marked.sum()))
@@ -116,7 +124,7 @@ def recover_irradiance(
         normal_of = np.concatenate([normal_of, normal_of[split[:, 0]]])
         irradiance = np.concatenate([irradiance, known[marked]])
     irradiance = _fill_dark(irradiance, faces)
-    report = _check(place, points, faces, irradiance, generator)
+    report = _check(place, points, faces, irradiance, spheres, generator)
     return _merge(surfaces, receiving, support, vertices, points, faces, parent, irradiance), report
 
 
@@ -239,23 +247,34 @@ def _check(
     points: NDArray[np.float32],
     faces: NDArray[np.int32],
     irradiance: NDArray[np.float32],
+    spheres: Sequence[Sphere],
     generator: np.random.Generator,
 ) -> IrradianceReport:
-    """Compare the interpolated irradiance with a careful estimate at random points."""
+    """Compare the interpolated irradiance with a careful estimate at random points, most of them near objects."""
     corners = points[faces].astype(np.float64)
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    face = generator.choice(len(faces), CHECK_POINTS, p=area / area.sum())
+    importance = area * _share_of_view(corners.mean(axis=1), spheres)
+    face = generator.choice(len(faces), CHECK_POINTS, p=importance / importance.sum())
     weights = generator.dirichlet((1.0, 1.0, 1.0), CHECK_POINTS)
     at = np.einsum("nk,nkx->nx", weights, corners[face]).astype(np.float32)
-    truth, noise = estimate_irradiance(place, at, face_normals(points, faces)[face], generator, 0.003)
+    truth, noise = estimate_irradiance(place, at, face_normals(points, faces)[face], generator, 4 * SAMPLES)
     interpolated = np.einsum("nk,nkx->nx", weights, irradiance[faces[face]].astype(np.float64))
     bright = truth.mean(axis=1) > DARK * np.median(truth)
     relative = np.abs(interpolated.mean(axis=1) / np.maximum(truth.mean(axis=1), 1e-30) - 1.0)[bright]
     if not len(relative):
         return IrradianceReport(len(points), 0.0, 0.0)
     # The careful estimate's own noise is in the difference as well.
-    relative = np.sqrt(np.maximum(relative**2 - noise[bright] ** 2, 0.0))
+    relative = np.sqrt(np.maximum(relative**2 - noise**2, 0.0))
     return IrradianceReport(len(points), float(relative.mean()), float(np.quantile(relative, 0.95)))
+
+
+def _share_of_view(points: NDArray, spheres: Sequence[Sphere]) -> NDArray[np.float64]:
+    """About the share of the hemisphere that spheres fill, seen from points of shape (n, 3); shape (n,), above 0."""
+    share = np.full(len(points), 1e-6)
+    for centre, radius in spheres:
+        squared = np.sum(np.square(points - centre), axis=1)
+        share += np.minimum(1.0, radius**2 / np.maximum(squared, 1e-12))
+    return share
 
 
 def _merge(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from enum import Enum
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image
 
 from lightdepth.errors import InputError
@@ -38,16 +40,21 @@ def read_texture(path: Path, content: Content) -> Texture:
             raise ValueError(str(error)) from error
     try:
         with Image.open(path) as image:
-            pixels = np.asarray(image.convert("L" if content is Content.SHARE else "RGB"))
+            pixels = eight_bit(image, "L" if content is Content.SHARE else "RGB")
     except (OSError, SyntaxError, Image.DecompressionBombError) as error:
         raise ValueError(f"{path}: not an image that can be read ({error})") from error
     return texture_of(pixels, content)
 
 
-def texture_of(pixels: np.ndarray, content: Content) -> Texture:
+def eight_bit(image: Image.Image, mode: Literal["L", "RGB", "RGBA"]) -> NDArray[np.uint8]:
+    """An image's pixels in another mode; Pillow by itself would clip 16-bit grey values at 255."""
+    if image.mode.startswith("I"):
+        image = Image.fromarray((np.asarray(image) // 257).astype(np.uint8))
+    return np.asarray(image.convert(mode))
+
+
+def texture_of(pixels: NDArray[np.uint8], content: Content) -> Texture:
     """A texture of 8-bit pixels of shape (height, width, 3), or (height, width) for shares."""
     if content is Content.COLOUR:
         return Texture(decode_srgb(pixels))
-    # Half precision is not enough for the slopes of smooth normal maps.
-    depth = np.float16 if content is Content.SHARE else np.float32
-    return Texture((pixels.reshape(*pixels.shape[:2], -1) / np.float32(255)).astype(depth))
+    return Texture((pixels.reshape(*pixels.shape[:2], -1) / np.float32(255)).astype(np.float16))

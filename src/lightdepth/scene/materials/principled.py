@@ -8,15 +8,18 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from lightdepth.scene.materials.material import Material, Plugin, area_light, rgb, two_sided
-from lightdepth.scene.materials.texture import Texture
+from lightdepth.scene.materials.texture import Texture, VertexColors
 from lightdepth.scene.materials.values import Colour, NormalMap, Radiance, Share
 
 
 class Principled(Material):
-    """Disney's principled BSDF (Burley 2012, 2015) as Mitsuba has it.
+    """A dielectric or a metal with a rough surface, as in glTF, below an optional lacquer.
+
+    What transmits is Disney's principled BSDF (Burley 2015) as Mitsuba has it.
 
     Attributes:
-        base_color: diffuse colour of a dielectric, reflection colour of a metal, tint of a transmitting body.
+        base_color: diffuse colour of a dielectric, reflection colour of a metal, tint of a transmitting body (where
+            vertex colours go without their texture).
         metallic: 0 dielectric, 1 metal.
         roughness: GGX width is its square.
         specular: reflection of a dielectric at normal incidence, as a share of 8 %; 0.5 is F0 = 4 %.
@@ -57,7 +60,7 @@ class Principled(Material):
         return isinstance(self.transmission, Texture) or self.transmission > 0.0
 
     def plugins(self) -> dict[str, Plugin]:  # noqa: D102
-        bsdf = self._thin_body() if self.thin and self.transmits else self._solid_body()
+        bsdf = self._body()
         if self.normal_map is not None:
             bsdf = {"type": "normalmap", "normalmap": self.normal_map, "bsdf": bsdf}
         if not self.transmits:
@@ -68,32 +71,39 @@ class Principled(Material):
             return {"bsdf": bsdf}
         return {"bsdf": bsdf, "emitter": area_light(radiance)}
 
-    def _solid_body(self) -> Plugin:
+    def _body(self) -> Plugin:
+        if not self.transmits:
+            return self._opaque_body()
+        if self.transmission == 1.0:
+            return self._transmitting_body()
+        return {
+            "type": "blendbsdf",
+            "weight": self.transmission,
+            "opaque": self._opaque_body(),
+            "transmitting": self._transmitting_body(),
+        }
+
+    def _opaque_body(self) -> Plugin:
+        """The project's own BSDF, registered by ``kernel``."""
         bsdf: Plugin = {
-            "type": "principled",
+            "type": "metallicroughness",
             "base_color": rgb(self.base_color),
             "metallic": self.metallic,
             "roughness": self.roughness,
+            "f0": 0.08 * self.specular if self.ior is None else ((self.ior - 1.0) / (self.ior + 1.0)) ** 2,
         }
-        if self.ior is not None:
-            bsdf["eta"] = self.ior
-        else:
-            bsdf["specular"] = self.specular
-        if self.transmits:
-            bsdf["spec_trans"] = self.transmission
+        if isinstance(self.base_color, VertexColors) and self.base_color.texture is not None:
+            bsdf |= {"base_color": self.base_color.texture, "tint": VertexColors()}
         if isinstance(self.clearcoat, Texture) or self.clearcoat > 0.0:
-            bsdf["clearcoat"] = self.clearcoat
-            bsdf["clearcoat_gloss"] = _gloss(self.clearcoat_roughness)
+            bsdf |= {"clearcoat": self.clearcoat, "clearcoat_roughness": self.clearcoat_roughness}
         return bsdf
 
-    def _thin_body(self) -> Plugin:
-        return {
-            "type": "principledthin",
-            "base_color": rgb(self.base_color),
-            "roughness": self.roughness,
-            "spec_trans": self.transmission,
-            "eta": 1.5 if self.ior is None else self.ior,
-        }
+    def _transmitting_body(self) -> Plugin:
+        bsdf: Plugin = {"base_color": rgb(self.base_color), "roughness": self.roughness, "spec_trans": 1.0}
+        if self.thin:
+            return {**bsdf, "type": "principledthin", "eta": 1.5 if self.ior is None else self.ior}
+        bsdf |= {"type": "principled", "metallic": self.metallic}
+        return bsdf | ({"specular": self.specular} if self.ior is None else {"eta": self.ior})
 
     def _emitted(self) -> Any | None:
         """Radiance with its strength, or ``None`` where nothing shines."""
@@ -104,11 +114,3 @@ class Principled(Material):
             return Texture(pixels, self.emission.wrap, self.emission.nearest, self.emission.to_uv)
         radiance = tuple(self.emission_strength * channel for channel in self.emission)
         return radiance if any(radiance) else None
-
-
-def _gloss(roughness: float | Texture) -> float | Texture:
-    """Mitsuba's ``clearcoat_gloss``, which sets the width of its GTR1 lobe to ``0.1 - 0.099 gloss``."""
-    if isinstance(roughness, Texture):
-        pixels = np.clip((0.1 - roughness.pixels.astype(np.float32) ** 2) / 0.099, 0.0, 1.0)
-        return Texture(pixels, roughness.wrap, roughness.nearest, roughness.to_uv)
-    return min(max((0.1 - roughness**2) / 0.099, 0.0), 1.0)

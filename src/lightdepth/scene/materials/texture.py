@@ -30,7 +30,13 @@ class Texture:
 
 @dataclass(frozen=True)
 class VertexColors:
-    """Stands for the linear colours that a mesh carries at its vertices (``Mesh.colors``)."""
+    """Stands for the linear colours that a mesh carries at its vertices (``Mesh.colors``).
+
+    Attributes:
+        texture: what they are multiplied by, if anything.
+    """
+
+    texture: Texture | None = None
 
 
 def decode_srgb(pixels: NDArray[np.uint8]) -> NDArray[np.float16]:

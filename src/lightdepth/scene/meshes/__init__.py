@@ -8,6 +8,7 @@ from pathlib import Path
 
 from lightdepth.errors import InputError
 from lightdepth.scene.meshes.geometry import checked
+from lightdepth.scene.meshes.gltf import read_gltf
 from lightdepth.scene.meshes.obj import read_obj
 from lightdepth.scene.meshes.part import MeshPart
 from lightdepth.scene.meshes.ply import read_ply
@@ -17,6 +18,8 @@ READERS: dict[str, Callable[[Path, bool], list[MeshPart]]] = {
     ".ply": read_ply,
     ".obj": read_obj,
     ".stl": read_stl,
+    ".gltf": read_gltf,
+    ".glb": read_gltf,
 }
 """Readers by file name extension; the second argument says whether materials are wanted."""
 

@@ -82,3 +82,12 @@ def checked(mesh: Mesh, keep_flat: bool = False) -> Mesh:
     if not solid.any() and not keep_flat:
         raise ValueError(f"all {len(solid)} triangles are degenerate (without area)")
     return mesh if solid.all() or keep_flat else replace(mesh, faces=mesh.faces[solid])
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether the mesh encloses a volume: every edge belongs to two faces, vertices at the same place being one."""
+    _, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    faces = index.reshape(-1)[mesh.faces]
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, counts = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
+    return bool(len(counts) > 0 and (counts == 2).all())

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from trimesh.exchange.ply import load_ply
+from trimesh.geometry import triangulate_quads
 
 from lightdepth.scene.materials import Principled, VertexColors
 from lightdepth.scene.materials.texture import decode_srgb
@@ -24,13 +25,13 @@ def read_ply(path: Path, with_materials: bool) -> list[MeshPart]:
     with path.open("rb") as file:
         content = load_ply(file, fix_texture=False)
     vertex = content["metadata"]["_ply_raw"]["vertex"]["data"]
-    texture_coordinates = next(filter(None.__ne__, (_columns(vertex, n) for n in TEXTURE_COORDINATE_NAMES)), None)
+    found = [_columns(vertex, names) for names in TEXTURE_COORDINATE_NAMES]
     colors = _columns(vertex, ("red", "green", "blue")) if with_materials else None
     mesh = Mesh(
         vertices=np.asarray(content["vertices"], dtype=np.float32),
-        faces=np.asarray(content["faces"], dtype=np.int32),
+        faces=triangulate_quads(content.get("faces", np.zeros((0, 3)))).astype(np.int32),
         normals=_as_floats(_columns(vertex, ("nx", "ny", "nz"))),
-        texture_coordinates=_as_floats(texture_coordinates),
+        texture_coordinates=_as_floats(next((uv for uv in found if uv is not None), None)),
         colors=None if colors is None else decode_srgb(colors.astype(np.uint8)).astype(np.float32),
         rest=_as_floats(_columns(vertex, REST_NAMES)),
     )

@@ -1,0 +1,10 @@
+"""Is a loaded scene fit to be rendered? What spoils the picture is found before any time is spent on it.
+
+Each file knows one kind of mistake. Errors make a rendering meaningless; warnings and hints tell what to look at.
+"""
+
+from lightdepth.checks.coverage import Coverage, Hole
+from lightdepth.checks.inspection import Inspection, find_problems, inspect_scene
+from lightdepth.checks.problem import Problem, Severity
+
+__all__ = ["Coverage", "Hole", "Inspection", "Problem", "Severity", "find_problems", "inspect_scene"]

@@ -1,0 +1,130 @@
+"""How much of what the panorama shows has geometry, and where the largest hole is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from lightdepth.checks.problem import Problem, Severity
+from lightdepth.checks.view import CaptureView
+from lightdepth.scene.model import Scene
+
+NEGLIGIBLE_HOLES = 1e-4
+"""Holes are not worth a word up to this share of all directions."""
+
+
+@dataclass(frozen=True)
+class Hole:
+    """A connected region of directions without geometry.
+
+    Attributes:
+        share: of all directions, in [0, 1].
+        azimuth: of its middle, degrees, 0 at the panorama's centre column, growing to the right.
+        elevation: of its middle, degrees above the panorama's horizon.
+        row: the panorama's pixel there.
+        column: the panorama's pixel there.
+        direction: the same in world space, unit.
+    """
+
+    share: float
+    azimuth: float
+    elevation: float
+    row: int
+    column: int
+    direction: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """What the capture point sees of the real geometry.
+
+    Attributes:
+        share: directions in which it sees a real surface, as a share of all, in [0, 1]; weighted by solid angle.
+        by_surface: the same for each real surface by its name.
+        largest_hole: ``None`` where there is no hole.
+    """
+
+    share: float
+    by_surface: Mapping[str, float]
+    largest_hole: Hole | None
+
+
+def measure_coverage(view: CaptureView, scene: Scene) -> Coverage:
+    """Measure the coverage of the real meshes, or of the depth image where the scene has no meshes."""
+    missing = view.surface < 0
+    depth = scene.panorama.depth
+    if not scene.real and depth is not None:
+        rows = (np.arange(missing.shape[0]) * depth.shape[0]) // missing.shape[0]
+        columns = (np.arange(missing.shape[1]) * depth.shape[1]) // missing.shape[1]
+        missing = ~np.isfinite(depth[np.ix_(rows, columns)])
+    return Coverage(
+        share=1.0 - view.share(missing),
+        by_surface={name: view.share(view.surface == index) for index, name in enumerate(view.names)},
+        largest_hole=_largest_hole(view, missing, scene.panorama.radiance.shape[0]),
+    )
+
+
+def hole_problems(coverage: Coverage) -> list[Problem]:
+    """Tell of holes: what is seen through them counts as sky."""
+    hole = coverage.largest_hole
+    if hole is None or 1.0 - coverage.share < NEGLIGIBLE_HOLES:
+        return []
+    x, y, z = hole.direction
+    return [
+        Problem(
+            Severity.WARNING,
+            f"[[real]]: {_percent(1.0 - coverage.share)} of all directions hit no real surface and count as infinitely "
+            f"far, which is right for sky only; the largest hole ({_percent(hole.share)}) is around azimuth "
+            f"{hole.azimuth:.1f}, elevation {hole.elevation:.1f} degrees of the panorama (row {hole.row}, column "
+            f"{hole.column}; world direction {x:.3f} {y:.3f} {z:.3f})",
+        )
+    ]
+
+
+def _largest_hole(view: CaptureView, missing: NDArray[np.bool_], panorama_height: int) -> Hole | None:
+    if not missing.any():
+        return None
+    regions = _connected(missing)
+    shares = np.bincount(regions.ravel(), weights=np.broadcast_to(view.solid_angles, regions.shape).ravel())
+    shares[0] = 0.0
+    inside = regions == np.argmax(shares)
+    weights = np.broadcast_to(view.solid_angles, inside.shape)[inside]
+    centre = weights @ view.directions[inside]
+    # The middle of a ring lies outside it: take the pixel of the hole that is nearest to the middle.
+    nearest = int(np.argmax(view.directions[inside] @ centre))
+    row, column = np.argwhere(inside)[nearest]
+    height, width = inside.shape
+    x, y, z = view.directions[row, column].tolist()
+    scale = panorama_height / height
+    return Hole(
+        share=float(shares.max()),
+        azimuth=float(360.0 * ((column + 0.5) / width - 0.5)),
+        elevation=float(90.0 - 180.0 * (row + 0.5) / height),
+        row=int((row + 0.5) * scale),
+        column=int((column + 0.5) * scale),
+        direction=(x, y, z),
+    )
+
+
+def _connected(marked: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Numbers of connected regions, 0 where not marked; the panorama closes at its edge and at its poles."""
+    regions, count = label(marked)
+    seam = np.stack([regions[:, 0], regions[:, -1]], axis=1)
+    pairs = [seam[seam.all(axis=1)]]
+    for pole in (regions[0], regions[-1]):
+        touching = pole[pole > 0]
+        pairs.append(np.stack([touching, np.broadcast_to(touching[:1], touching.shape)], axis=1))
+    one, other = np.concatenate(pairs).T
+    meeting = coo_array((np.ones(len(one)), (one, other)), shape=(count + 1, count + 1))
+    # Number 0, what is not marked, meets nothing: it stays a component of its own, and the first.
+    return np.asarray(connected_components(meeting, directed=False)[1])[regions]
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.2g} %"

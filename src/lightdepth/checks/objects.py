@@ -1,0 +1,103 @@
+"""Do the new objects stand where they can be seen, on the floor, and clear of real surfaces?"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.checks.capture_point import CLOSED
+from lightdepth.checks.problem import Problem, Severity
+from lightdepth.checks.sampling import hidden, surface_points
+from lightdepth.checks.view import CaptureView, enclosure
+from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.scene.model import Mesh
+
+DELIBERATE_GAP = 0.3
+"""Metres: what hangs higher above everything is meant to hang."""
+CONTACT = 0.002
+"""Metres: smaller gaps and overlaps are no mistake."""
+COPLANAR = 0.0005
+"""Metres between faces that compete for being in front."""
+
+
+def object_problems(names: Sequence[str], meshes: Sequence[Mesh], view: CaptureView) -> list[Problem]:
+    """Find objects outside the room or hidden, floating or sunk, and faces that coincide with real ones.
+
+    Args:
+        names: of the objects.
+        meshes: their shapes, world space.
+        view: what the capture point sees.
+    """
+    problems = []
+    others = RayCaster(meshes)
+    for number, (name, mesh) in enumerate(zip(names, meshes, strict=True)):
+        points, normals = surface_points(mesh.vertices, mesh.faces, 400)
+        if not len(points):
+            continue
+        found = [_out_of_sight(points, view)]
+        if found[0] is None:
+            found = [_standing(mesh, number, others, view), _coinciding(points, normals, view)]
+        problems += [Problem(p.severity, f'[[synthetic]] "{name}": {p.message}') for p in found if p is not None]
+    return problems
+
+
+def _out_of_sight(points: NDArray[np.float64], view: CaptureView) -> Problem | None:
+    """An object of which the capture point sees nothing, because real surfaces stand before it."""
+    if not hidden(points, view).all():
+        return None
+    middle = points.mean(axis=0)
+    x, y, z = middle
+    enclosed = max(enclosure(view.caster, point) for point in (middle, *points[:: len(points) // 4]))
+    if view.share(view.surface >= 0) > CLOSED and enclosed < 0.75:
+        return Problem(
+            Severity.ERROR,
+            f"is outside the room: its middle is at [{x:.3g}, {y:.3g}, {z:.3g}], and the real surfaces hide all of it "
+            "from the capture point",
+        )
+    return Problem(
+        Severity.WARNING,
+        "is wholly behind or inside real surfaces as seen from the capture point; only cameras elsewhere can see it",
+    )
+
+
+def _standing(mesh: Mesh, number: int, objects: RayCaster, view: CaptureView) -> Problem | None:
+    """An object whose lowest points are a little above, or below, the surface under them."""
+    low, high = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
+    lowest = mesh.vertices[mesh.vertices[:, 2] < low + 1e-3]
+    lowest = lowest[:: max(1, len(lowest) // 32)].astype(np.float64)
+    down = np.broadcast_to([0.0, 0.0, -1.0], lowest.shape)
+    above = np.concatenate([lowest[:, :2], np.full((len(lowest), 1), high + CONTACT)], axis=1)
+    ground = high + CONTACT - float(view.caster.cast(above, down).distance.min())
+    if not np.isfinite(ground):
+        return None
+    if ground > low + max(CONTACT, 0.01 * (high - low)):
+        return Problem(Severity.HINT, f"reaches {1000 * (ground - low):.1f} mm into the real surface under it")
+    just_below = lowest - [0.0, 0.0, 1e-4]
+    under = objects.cast(just_below, down)
+    other = np.where(under.mesh == number, np.inf, under.distance)
+    gap = min(low - ground, float(other.min()))
+    if CONTACT < gap < DELIBERATE_GAP:
+        return Problem(Severity.HINT, f"floats {1000 * gap:.1f} mm above what is under it")
+    return None
+
+
+def _coinciding(points: NDArray[np.float64], normals: NDArray[np.float64], view: CaptureView) -> Problem | None:
+    """Visible faces that lie in a real surface, so that either may win.
+
+    A box's bottom on the floor does not count: what lies before it, on the far side of the floor, is hidden.
+    """
+    step = 0.01
+    before = points + step * normals
+    hits = view.caster.cast(before, -normals)
+    same = (np.abs(hits.distance - step) < COPLANAR) & (np.abs(np.einsum("ij,ij->i", hits.normal, normals)) > 0.999)
+    if not same.any() or not np.any(~hidden(before[same], view)):
+        return None
+    x, y, z = points[same][0]
+    name = view.names[hits.mesh[same][0]]
+    return Problem(
+        Severity.WARNING,
+        f'{100 * same.mean():.2g} % of its surface coincides with "{name}" (at [{x:.3g}, {y:.3g}, {z:.3g}]): which of '
+        "the two is in front is left to chance; move it 1 mm off",
+    )

@@ -1,0 +1,26 @@
+"""Does the panorama hold the light of the place?"""
+
+from __future__ import annotations
+
+from lightdepth.checks.problem import Problem, Severity
+from lightdepth.images.validation import clipped_plateau
+from lightdepth.scene.model import Panorama
+
+
+def radiance_problems(panorama: Panorama) -> list[Problem]:
+    """Find a panorama that is black or whose lights were clipped."""
+    name = f"[panorama]: {panorama.path}" if panorama.path else "[panorama]"
+    mean = float(panorama.radiance.mean())
+    if mean == 0.0:
+        return [Problem(Severity.WARNING, f"{name}: is black everywhere and lights nothing")]
+    plateau = clipped_plateau(panorama.radiance)
+    if plateau is None:
+        return []
+    return [
+        Problem(
+            Severity.WARNING,
+            f"{name}: its brightest {plateau.count} pixels all have radiance {plateau.value:.4g} "
+            f"({plateau.value / mean:.3g} times the mean): lights that were clipped; shadows will be too soft and too "
+            "weak",
+        )
+    ]

@@ -1,0 +1,77 @@
+"""Points on surfaces, and whether the capture point sees them."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from lightdepth.checks.view import CaptureView
+from lightdepth.scene.model import AnalyticShape, Mesh, SyntheticObject
+
+TOLERANCE = 0.005
+"""Relative difference of distances up to which a point lies on the surface that is seen."""
+
+
+def surface_points(
+    vertices: NDArray[np.float32], faces: NDArray[np.int32], count: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points spread evenly over a mesh's area, the same ones each time.
+
+    Returns:
+        ``(points, normals)``, each of shape (count, 3), normals unit and as the faces are wound; of shape (0, 3) for a
+        mesh without area.
+    """
+    corners = np.asarray(vertices, dtype=np.float64)[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    twice_area = np.linalg.norm(cross, axis=1)
+    if not twice_area.any():
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    generator = np.random.default_rng(0)
+    steps = (np.arange(count) + generator.random(count)) / count
+    chosen = np.searchsorted(np.cumsum(twice_area) / twice_area.sum(), steps).clip(max=len(faces) - 1)
+    u, v = generator.random((2, count, 1))
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    a, b, c = np.moveaxis(corners[chosen], 1, 0)
+    return a + u * (b - a) + v * (c - a), cross[chosen] / np.maximum(twice_area[chosen], 1e-300)[:, None]
+
+
+def hidden(points: NDArray[np.floating], view: CaptureView) -> NDArray[np.bool_]:
+    """Whether a real surface stands between the capture point and points of shape (n, 3)."""
+    towards = points - view.position
+    distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
+    hits = view.caster.cast(view.position, towards / distance[:, None])
+    return np.asarray(hits.distance < distance * (1.0 - TOLERANCE) - 1e-3)
+
+
+def object_mesh(thing: SyntheticObject) -> Mesh:
+    """All parts of an object as one mesh in world space; analytic shapes become fine meshes."""
+    meshes = [part.geometry if isinstance(part.geometry, Mesh) else _mesh_of(part.geometry) for part in thing.parts]
+    offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return Mesh(
+        np.concatenate([mesh.vertices for mesh in meshes]).astype(np.float32),
+        np.concatenate([mesh.faces + first for mesh, first in zip(meshes, offsets, strict=False)]).astype(np.int32),
+    )
+
+
+def _mesh_of(shape: AnalyticShape) -> Mesh:
+    """A shape of unit size as Mitsuba defines it: from -1 to 1, the cylinder open and from z = 0 to 1."""
+    angle = 2.0 * np.pi * np.arange(96) / 96
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(96)], axis=1)
+    here, after = np.arange(96), np.roll(np.arange(96), -1)
+    match shape.kind:
+        case "sphere":
+            unit = trimesh.creation.uv_sphere(radius=1.0, count=[48, 96])
+        case "cube":
+            unit = trimesh.creation.box(extents=[2.0, 2.0, 2.0])
+        case "cylinder":
+            sides = [np.stack([here, after, after + 96], axis=1), np.stack([here, after + 96, here + 96], axis=1)]
+            unit = trimesh.Trimesh(np.concatenate([rim, rim + [0, 0, 1]]), np.concatenate(sides), process=False)
+        case "disk":
+            fan = np.stack([np.full(96, 96), here, after], axis=1)
+            unit = trimesh.Trimesh(np.concatenate([rim, [[0, 0, 0]]]), fan, process=False)
+        case _:
+            square = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
+            unit = trimesh.Trimesh(square, [[0, 1, 2], [0, 2, 3]], process=False)
+    unit.apply_transform(shape.to_world)
+    return Mesh(np.asarray(unit.vertices, dtype=np.float32), np.asarray(unit.faces, dtype=np.int32))

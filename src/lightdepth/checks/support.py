@@ -1,0 +1,43 @@
+"""Does the capture point see the support, whose colour it is to tell?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lightdepth.checks.problem import Problem, Severity
+from lightdepth.checks.sampling import hidden, surface_points
+from lightdepth.checks.view import CaptureView
+from lightdepth.scene.model import RealSurface, Role
+
+WORTH_A_WARNING = 0.5
+"""Support behind furniture is usual; from this share on, little is left of what the photograph tells of it."""
+
+
+def support_problems(surface: RealSurface, view: CaptureView) -> list[Problem]:
+    """Tell the share of a support surface's area that the capture point cannot see.
+
+    Where a surface has rest positions, its colour comes from there, and these must be seen.
+    """
+    if surface.role != Role.SUPPORT:
+        return []
+    mesh = surface.mesh
+    points, _ = surface_points(mesh.vertices if mesh.rest is None else mesh.rest, mesh.faces, 4000)
+    share = float(np.mean(hidden(points, view)))
+    if share < 0.001:
+        return []
+    name = f'[[real]] "{surface.name}"'
+    if share > 0.999:
+        return [
+            Problem(
+                Severity.ERROR,
+                f"{name}: the capture point sees nothing of this support, so that the photograph does not tell its "
+                "colour; make it environment, or give rest positions",
+            )
+        ]
+    return [
+        Problem(
+            Severity.WARNING if share > WORTH_A_WARNING else Severity.HINT,
+            f"{name}: the capture point cannot see {100 * share:.2g} % of this support's area; there it has the colour "
+            "of what hides it, unless it gets rest positions",
+        )
+    ]

@@ -1,0 +1,80 @@
+"""The place as the capture point sees it: what most checks look at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.directions import pixel_directions, pixel_solid_angles
+from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.scene.model import Scene
+
+HEIGHT = 256
+"""Rows of the grid of directions: about 0.7 degrees, fine enough for any hole that matters."""
+
+
+@dataclass(frozen=True)
+class CaptureView:
+    """Rays from the capture point over a panorama of ``HEIGHT`` rows, against the real meshes.
+
+    Attributes:
+        position: capture point, world, metres, shape (3,).
+        caster: of the real meshes.
+        names: of the real meshes, as hits number them.
+        vertices: of all real meshes, world, metres, shape (n, 3).
+        directions: unit, world, shape (h, 2 h, 3).
+        distance: metres, inf where nothing is hit, shape (h, 2 h).
+        surface: index of the mesh that is hit, -1 for none, shape (h, 2 h).
+        from_behind: whether the face is wound away from the capture point, shape (h, 2 h).
+        solid_angles: share of the sphere that a pixel of each row covers, shape (h, 1).
+    """
+
+    position: NDArray[np.float64]
+    caster: RayCaster
+    names: tuple[str, ...]
+    vertices: NDArray[np.float32]
+    directions: NDArray[np.float64]
+    distance: NDArray[np.float32]
+    surface: NDArray[np.int32]
+    from_behind: NDArray[np.bool_]
+    solid_angles: NDArray[np.float64]
+
+    def share(self, which: NDArray[np.bool_]) -> float:
+        """Share of the sphere that the marked pixels of shape (h, 2 h) cover, in [0, 1]."""
+        return float(np.sum(which * self.solid_angles))
+
+
+def look_around(scene: Scene) -> CaptureView:
+    """Cast the rays. The depth that a user may have given plays no part, only meshes do."""
+    meshes = [surface.mesh for surface in scene.real]
+    caster = RayCaster(meshes)
+    directions = pixel_directions(HEIGHT, 2 * HEIGHT) @ scene.panorama.rotation.T
+    hits = caster.cast(scene.panorama.position, directions.reshape(-1, 3))
+    shape = directions.shape[:2]
+    away = np.einsum("ij,ij->i", hits.normal, directions.reshape(-1, 3)) > 0.0
+    return CaptureView(
+        position=scene.panorama.position,
+        caster=caster,
+        names=tuple(surface.name for surface in scene.real),
+        vertices=np.concatenate([mesh.vertices for mesh in meshes]) if meshes else np.zeros((0, 3), np.float32),
+        directions=directions,
+        distance=hits.distance.reshape(shape),
+        surface=hits.mesh.reshape(shape),
+        from_behind=away.reshape(shape),
+        solid_angles=pixel_solid_angles(HEIGHT, 2 * HEIGHT)[:, None] / (4.0 * np.pi),
+    )
+
+
+def enclosure(caster: RayCaster, point: NDArray[np.floating], count: int = 2000) -> float:
+    """Share of directions from a point that meet a real surface: 1 in a closed room, at most one half beside it."""
+    return float(np.mean(np.isfinite(caster.cast(point, _sphere(count)).distance)))
+
+
+def _sphere(count: int) -> NDArray[np.float64]:
+    """Evenly spread unit vectors, shape (count, 3): the Fibonacci lattice."""
+    z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    phi = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
+    radius = np.sqrt(1.0 - z * z)
+    return np.stack([radius * np.cos(phi), radius * np.sin(phi), z], axis=1)

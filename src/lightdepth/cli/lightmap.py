@@ -1,0 +1,47 @@
+"""`lightdepth lightmap`: the light-depth map of a scene as a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def lightmap(
+    scene: Annotated[Path, typer.Argument(help="The scene file (TOML).")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The OpenEXR file to write.")],
+) -> None:
+    """Write a scene's light-depth map: its panorama with the distance to the real surface in every pixel.
+
+    The file is OpenEXR with the channels R G B (radiance) and Z (metres along the ray, inf for sky) and the capture
+    pose. A picture of the depth is written beside it as PNG.
+
+    Example: lightdepth lightmap lounge.toml -o lounge-map.exr
+    """
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from lightdepth.errors import InputError
+    from lightdepth.images.png import write_png
+    from lightdepth.images.writing import check_writable
+    from lightdepth.lightmap.building import build_light_depth_map
+    from lightdepth.lightmap.depth_picture import depth_picture
+    from lightdepth.lightmap.file import write_light_depth_map
+    from lightdepth.scene.load import load_scene
+
+    if output.suffix.lower() != ".exr":
+        raise InputError(f"{output}: a light-depth map is an OpenEXR file; its name must end in .exr")
+    picture = output.with_suffix(".png")
+    check_writable(output)
+    check_writable(picture)
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("Distances", total=1.0)
+        result = build_light_depth_map(load_scene(scene), lambda share: progress.update(task, completed=share))
+    pixels, nearest, farthest = depth_picture(result.depth)
+    write_light_depth_map(output, result)
+    write_png(picture, pixels)
+    height, width = result.depth.shape
+    console.print(f"{output}: {width} x {height}, {nearest:.2f} to {farthest:.2f} m", highlight=False)
+    console.print(f"{picture}: the depth, near is bright, sky is black", highlight=False)

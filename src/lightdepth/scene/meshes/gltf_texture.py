@@ -1,0 +1,107 @@
+"""Textures of glTF materials: channels picked, factors multiplied in, transforms and samplers carried along."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.scene.materials import Texture
+from lightdepth.scene.materials.texture import Wrap, decode_srgb
+from lightdepth.scene.meshes.gltf_file import GltfFile
+
+_WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+_NEAREST_FILTER = 9728
+RED, GREEN, BLUE, ALPHA = range(4)
+Info = dict[str, Any]
+"""A ``textureInfo`` of the file."""
+
+
+class GltfTextures:
+    """Makes the textures of one file; the same channels of the same image are made once.
+
+    Mitsuba wraps both axes alike, so ``wrapT`` is taken to be ``wrapS``.
+    """
+
+    def __init__(self, file: GltfFile) -> None:
+        self._file = file
+        self._made: dict[tuple[Any, ...], Texture] = {}
+
+    def colour(self, info: Info, factor: Sequence[float]) -> Texture:
+        """Red, green and blue, decoded from sRGB, times a factor for each."""
+        return self._texture(
+            info,
+            ("colour", *factor),
+            lambda rgba: decode_srgb(rgba[:, :, :3]) * np.array(factor, dtype=np.float16),
+        )
+
+    def share(self, info: Info, channel: int, factor: float) -> Texture | float:
+        """One channel as numbers in [0, 1] times a factor; one number where all texels are equal."""
+        texture = self._texture(
+            info,
+            ("share", channel, factor),
+            lambda rgba: (rgba[:, :, channel : channel + 1] * np.float32(factor / 255.0)).astype(np.float16),
+        )
+        return _number_if_constant(texture)
+
+    def mask(self, info: Info, factor: float, cutoff: float) -> Texture | float:
+        """1 where alpha times a factor reaches the cutoff, else 0."""
+        texture = self._texture(
+            info,
+            ("mask", factor, cutoff),
+            lambda rgba: (rgba[:, :, ALPHA:] * (factor / 255.0) >= cutoff).astype(np.float16),
+        )
+        return _number_if_constant(texture)
+
+    def normals(self, info: Info) -> Texture:
+        """Tangent-space normals, x and y times the scale that the file gives them."""
+        scale = np.array([info.get("scale", 1.0), info.get("scale", 1.0), 1.0], dtype=np.float32)
+        return self._texture(
+            info,
+            ("normals",),
+            lambda rgba: (0.5 + (rgba[:, :, :3] / np.float32(255) - 0.5) * scale).astype(np.float16),
+        )
+
+    def _texture(
+        self, info: Info, what: tuple[Any, ...], pixels: Callable[[NDArray[np.uint8]], NDArray[np.floating]]
+    ) -> Texture:
+        key = (json.dumps(info, sort_keys=True), *what)
+        if key not in self._made:
+            header = self._file.header
+            texture = header["textures"][info["index"]]
+            source = texture.get("extensions", {}).get("EXT_texture_webp", texture)["source"]
+            sampler = header["samplers"][texture["sampler"]] if "sampler" in texture else {}
+            self._made[key] = Texture(
+                pixels(self._file.image(source)),
+                wrap=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
+                nearest=sampler.get("magFilter") == _NEAREST_FILTER,
+                to_uv=_to_uv(_transform(info)),
+            )
+        return self._made[key]
+
+
+def texture_coordinate_set(info: Info) -> int:
+    """Number of the ``TEXCOORD`` attribute that a texture uses."""
+    own: int = info.get("texCoord", 0)
+    return int(_transform(info).get("texCoord", own))
+
+
+def _transform(info: Info) -> dict[str, Any]:
+    transform: dict[str, Any] = info.get("extensions", {}).get("KHR_texture_transform", {})
+    return transform
+
+
+def _to_uv(transform: dict[str, Any]) -> NDArray[np.float64]:
+    """Matrix of ``KHR_texture_transform``: scaled, turned counter-clockwise as seen with v downward, then moved."""
+    (su, sv), (tu, tv) = transform.get("scale", (1.0, 1.0)), transform.get("offset", (0.0, 0.0))
+    cos, sin = math.cos(transform.get("rotation", 0.0)), math.sin(transform.get("rotation", 0.0))
+    return np.array([[cos * su, sin * sv, tu], [-sin * su, cos * sv, tv], [0.0, 0.0, 1.0]])
+
+
+def _number_if_constant(texture: Texture) -> Texture | float:
+    first = texture.pixels.flat[0]
+    return float(first) if (texture.pixels == first).all() else texture

@@ -1,0 +1,77 @@
+"""Writes small glTF files."""
+
+import base64
+import io
+import json
+import struct
+
+import numpy as np
+from PIL import Image
+
+
+def png(pixels):
+    """PNG bytes of an array of 8-bit pixels."""
+    stream = io.BytesIO()
+    Image.fromarray(np.asarray(pixels, dtype=np.uint8)).save(stream, "png")
+    return stream.getvalue()
+
+
+def data_uri(data):
+    return "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+
+
+QUAD = {
+    "POSITION": [[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]],  # in the plane y = 0, that is z = 0 after the turn
+    "NORMAL": [[0, 1, 0]] * 4,
+    "TEXCOORD_0": [[0, 1], [1, 1], [1, 0], [0, 0]],
+}
+QUAD_FACES = [[0, 1, 2], [0, 2, 3]]
+
+
+def gltf_document(attributes=QUAD, faces=QUAD_FACES, material=None, images=(), nodes=None, samplers=(), **more):
+    """JSON of a glTF file with one mesh; `images` are PNG bytes, texture number i shows image number i."""
+    views, accessors, data = [], [], b""
+
+    def accessor(values, kind):
+        nonlocal data
+        component = {"f": 5126, "I": 5125, "B": 5121}[values.dtype.char]
+        entry = {"bufferView": len(views), "componentType": component, "count": len(values), "type": kind}
+        if component == 5121:
+            entry["normalized"] = True
+        accessors.append(entry)
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": values.nbytes})
+        data += values.tobytes() + b"\0" * (-values.nbytes % 4)
+        return len(accessors) - 1
+
+    kinds = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+    primitive = {"attributes": {}, "indices": accessor(np.asarray(faces, np.uint32).reshape(-1), "SCALAR")}
+    for name, values in attributes.items():
+        array = values if isinstance(values, np.ndarray) else np.asarray(values, np.float32)
+        primitive["attributes"][name] = accessor(array, kinds[array.shape[1]])
+    if material is not None:
+        primitive["material"] = 0
+    return {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": nodes or [{"mesh": 0}],
+        "meshes": [{"primitives": [primitive]}],
+        "materials": [material] if material is not None else [],
+        "textures": [{"source": i, **({"sampler": 0} if samplers else {})} for i in range(len(images))],
+        "images": [{"uri": data_uri(image)} for image in images],
+        "samplers": list(samplers),
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data), "uri": data_uri(data)}],
+        **more,
+    }
+
+
+def write_glb(path, document):
+    """The document as a .glb with its buffer in the binary chunk."""
+    uri = document["buffers"][0].pop("uri")
+    binary = base64.b64decode(uri.partition(",")[2])
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
