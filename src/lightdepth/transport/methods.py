@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.scene.model import Scene
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import DifferenceIntegrator
+from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
 from lightdepth.transport.place import Place
 from lightdepth.transport.recovered_albedo import IrradianceReport, recover_irradiance
 
@@ -32,7 +34,7 @@ class Prepared:
 
     place: Place
     surfaces: TracedSurfaces
-    integrator: DifferenceIntegrator
+    integrator: DifferenceIntegrator | EnvpathIntegrator
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
 
@@ -58,7 +60,21 @@ def _directional(scene: Scene) -> Prepared:
     return _difference(scene, infinite=True)
 
 
-METHODS: dict[str, Callable[[Scene], Prepared]] = {"difference": _difference, "directional": _directional}
+def _envpath(scene: Scene) -> Prepared:
+    modelled = merge_real_surfaces(scene.real)
+    shapes = tuple(synthetic_shapes(scene))
+    real = support_with_scale_factors(scene, modelled)
+    surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
+    place = Place(scene.panorama, surfaces)
+    integrator = EnvpathIntegrator(place, surfaces, scene.panorama, scene.render.max_bounces)
+    return Prepared(place, surfaces, integrator, shapes, IrradianceReport(len(real.vertices), math.nan, math.nan))
+
+
+METHODS: dict[str, Callable[[Scene], Prepared]] = {
+    "difference": _difference,
+    "directional": _directional,
+    "envpath": _envpath,
+}
 """The methods by name. A new one is a file in this folder and a line here."""
 
 
