@@ -66,7 +66,9 @@ def _mesh_of(shape: AnalyticShape) -> Mesh:
             unit = trimesh.creation.box(extents=[2.0, 2.0, 2.0])
         case "cylinder":
             sides = [np.stack([here, after, after + 96], axis=1), np.stack([here, after + 96, here + 96], axis=1)]
-            unit = trimesh.Trimesh(np.concatenate([rim, rim + [0, 0, 1]]), np.concatenate(sides), process=False)
+            unit = trimesh.Trimesh(
+                np.concatenate([rim, rim + np.array([0, 0, 1])]), np.concatenate(sides), process=False
+            )
         case "disk":
             fan = np.stack([np.full(96, 96), here, after], axis=1)
             unit = trimesh.Trimesh(np.concatenate([rim, [[0, 0, 0]]]), fan, process=False)

@@ -20,6 +20,7 @@ from lightdepth.film.selection import influenced_pixels
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Scene
 from lightdepth.transport.methods import Prepared
+from lightdepth.transport.randoms import begin_path
 
 LANES = 1 << 21
 """Paths followed at once; more gain no speed and cost memory."""
@@ -62,9 +63,8 @@ class Rendering:
         self.pixels = influenced_pixels(view, prepared)
         self._accumulator = Accumulator(self.plate.reshape(-1, 3)[self.pixels])
         self._pixels = mi.UInt32(self.pixels if len(self.pixels) else np.zeros(1, np.uint32))
-        self._taken = np.zeros(len(self.pixels), np.int64)
+        self._taken = np.zeros(len(self.pixels), np.uint32)
         self._generator = np.random.default_rng(seed)
-        self._passes = 0
 
     def run(self, samples: int, noise: float | None = None) -> Iterator[Progress]:
         """Take samples, yielding after every pass; to stop early, stop iterating.
@@ -183,21 +183,19 @@ class Rendering:
     def _sample(self, slots: NDArray[np.uint32], per_pixel: int) -> None:
         """One pass: ``per_pixel`` samples for each of ``slots``."""
         self._prepared.place.draw_lights(self._generator)
-        self._passes += 1
         lanes = len(slots) * per_pixel
         slot = mi.UInt32(slots)
         lane = dr.arange(mi.UInt32, lanes)
-        pixel = dr.gather(mi.UInt32, self._pixels, dr.gather(mi.UInt32, slot, lane // per_pixel))
-        first, second = mi.sample_tea_32(pixel, lane % per_pixel)
-        third, fourth = mi.sample_tea_32(dr.opaque(mi.UInt32, self._passes), dr.opaque(mi.UInt32, self._seed))
-        rng = mi.PCG32()
-        rng.seed(mi.UInt64(first ^ third), mi.UInt64(second ^ fourth))
-        x = (mi.Float(pixel % self._width) + rng.next_float32()) / self._width
-        y = (mi.Float(pixel // self._width) + rng.next_float32()) / self._height
-        lens = mi.Point2f(rng.next_float32(), rng.next_float32())
-        start, direction, inside = self._view.camera.camera_rays(mi.Point2f(x, y), lens)
+        owner = lane // per_pixel
+        pixel = dr.gather(mi.UInt32, self._pixels, dr.gather(mi.UInt32, slot, owner))
+        index = dr.gather(mi.UInt32, mi.UInt32(self._taken[slots]), owner) + lane % per_pixel
+        randoms = begin_path(pixel, index, dr.opaque(mi.UInt32, self._seed))
+        x, y = randoms.spread("film")
+        film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)
+        film.y = (mi.Float(pixel // self._width) + y) / self._height
+        start, direction, inside = self._view.camera.camera_rays(film, mi.Point2f(randoms.spread("lens")))
         ray = mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction)
-        samples = self._prepared.integrator.sample(rng, ray, inside)
+        samples = self._prepared.integrator.sample(randoms, ray, inside)
         self._accumulator.add(slot, samples, per_pixel)
         self._taken[slots] += per_pixel
 

@@ -20,9 +20,12 @@ from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit
 from lightdepth.scene.model import Gloss
 from lightdepth.transport.bounds import Cones, ObjectBounds
 from lightdepth.transport.place import SHADOW_RAY_END, Place
+from lightdepth.transport.randoms import Randoms
 from lightdepth.transport.recovered_albedo import albedo
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
+FIRST_LIGHTS = 4
+"""Light samples at the support point that the camera sees: a shadow ray there asks only the synthetic surfaces."""
 ROULETTE_DEPTH = 3
 """Scatterings before paths are ended by the light that they still carry."""
 LARGEST_SURVIVAL = 0.95
@@ -43,6 +46,46 @@ class CameraSamples:
     change: mi.Color3f
     synthetic: mi.Color3f
     covered: mi.Bool
+
+
+@dataclass
+class LastScattering:
+    """The last scattering of a path.
+
+    Attributes:
+        point: where it was, world, metres.
+        pdf: density with which its direction was drawn, per steradian; 0 where light sampling could not draw it.
+        lights: how many light samples were taken there.
+    """
+
+    point: mi.Point3f
+    pdf: mi.Float
+    lights: mi.Float
+
+
+@dataclass
+class Vertex:
+    """Where paths scatter.
+
+    Attributes:
+        point: world, metres.
+        normal: geometric, unit, world, on either side.
+        si: Mitsuba's description of synthetic surfaces.
+        bsdf: material of synthetic surfaces.
+        support: scattering of support surfaces.
+        on_synthetic: which points are synthetic.
+        on_support: which are on support, relit or not.
+        in_difference: which are on support that is not relit.
+    """
+
+    point: mi.Point3f
+    normal: mi.Vector3f
+    si: mi.SurfaceInteraction3f
+    bsdf: mi.BSDFPtr
+    support: SupportScattering
+    on_synthetic: mi.Bool
+    on_support: mi.Bool
+    in_difference: mi.Bool
 
 
 class DifferenceIntegrator:
@@ -81,18 +124,18 @@ class DifferenceIntegrator:
         self.map_share = 0.5 if self.has_emitters else 1.0
 
     @dr.syntax
-    def sample(self, rng: mi.PCG32, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
+    def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
         """Follow one path along each camera ray.
 
         Args:
-            rng: random numbers; advanced.
+            randoms: random numbers of the paths; advanced.
             ray: camera rays, world.
             active: rays outside the camera's image are not followed.
         """
         ray, active = mi.Ray3f(ray), mi.Bool(active)
         radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
         difference, first, covered = mi.Bool(False), mi.Bool(True), mi.Bool(False)
-        previous, previous_pdf = mi.Point3f(ray.o), mi.Float(0.0)
+        last = LastScattering(mi.Point3f(ray.o), mi.Float(0.0), mi.Float(1.0))
         depth = mi.UInt32(0)
         context = mi.BSDFContext()
         bounds = self.bounds if self.has_support else None
@@ -109,11 +152,9 @@ class DifferenceIntegrator:
             # surface stands before them and the last scattering was on support.
             blocked = (on_synthetic | on_relit) & difference
             arrived = active & ~on_synthetic & ~on_relit & ~difference & ~first
-            radiance += self._before(
-                ray, hit, blocked, blocked & on_synthetic, arrived, previous, previous_pdf, throughput, depth
-            )
+            radiance += throughput * self._before(ray, hit, blocked, blocked & on_synthetic, arrived, last, depth)
             if dr.hint(self.has_emitters, mode="scalar"):
-                radiance += self._emission(si, on_synthetic, first, previous, previous_pdf, throughput, depth)
+                radiance += throughput * self._emission(si, on_synthetic, first, last, depth)
 
             covered |= first & (on_synthetic | on_relit)
 
@@ -123,11 +164,8 @@ class DifferenceIntegrator:
             active &= (on_synthetic | on_support) & (depth < self.max_bounces)
             rho = self._albedo(hit, active & on_support)
             active &= on_synthetic | (dr.max(rho) > 0.0) | (hit.gloss > 0)
-            on_support &= active
-            on_synthetic &= active
             point = dr.select(on_synthetic, si.p, hit.point)
             normal = dr.select(on_synthetic, si.n, hit.normal)
-            in_difference = on_support & ~on_relit
             cones: Cones | None = None
             if dr.hint(bounds is not None, mode="scalar"):
                 cones = bounds.cones(point)
@@ -136,59 +174,51 @@ class DifferenceIntegrator:
             survival = mi.Float(1.0)
             if dr.hint(cones is not None, mode="scalar"):
                 reach = dr.clip(WANDERING_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_SURVIVAL, 1.0)
-                survival = dr.select(in_difference & ~first, reach, 1.0)
+                survival = dr.select(on_support & ~on_relit & ~first, reach, 1.0)
             carried = dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL)
             survival *= dr.select(depth >= ROULETTE_DEPTH, carried, 1.0)
-            active &= rng.next_float32(active) < survival
+            active &= randoms.next(active) < survival
             throughput *= dr.rcp(dr.maximum(survival, 1e-6))
-            on_support &= active
-            on_synthetic &= active
-            in_difference &= active
 
-            bsdf = si.bsdf(ray)
+            in_difference = active & on_support & ~on_relit
             support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, in_difference)
+            vertex = Vertex(
+                point, normal, si, si.bsdf(ray), support, active & on_synthetic, active & on_support, in_difference
+            )
 
-            # Light sampling, section 3.
-            radiance += self._direct(
-                rng,
-                context,
-                bsdf,
-                si,
-                support,
-                point,
-                normal,
-                on_synthetic,
-                on_support,
-                in_difference,
-                throughput,
-                depth,
+            # Light sampling, section 2: several times at the support that the camera sees, where it is cheap.
+            spread = first & in_difference
+            lights = dr.select(spread, float(FIRST_LIGHTS), 1.0)
+            radiance += throughput * (
+                self._direct(randoms, context, vertex, active, first, lights, 0, depth)
+                + self._direct(randoms, context, vertex, spread, first, lights, 1, depth)
+                + self._direct(randoms, context, vertex, spread, first, lights, 2, depth)
+                + self._direct(randoms, context, vertex, spread, first, lights, 3, depth)
             )
 
             # The next direction.
-            choice = rng.next_float32(active)
-            position = mi.Point2f(rng.next_float32(active), rng.next_float32(active))
-            drawn, weight = bsdf.sample(context, si, choice, position, on_synthetic)
-            direction = si.to_world(drawn.wo)
-            pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
-            through = on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
-            support_direction = support.sample(choice, position)
+            choice, x, y = randoms.direction(first, active)
+            drawn, weight = vertex.bsdf.sample(context, si, choice, mi.Point2f(x, y), vertex.on_synthetic)
+            support_direction = support.sample(choice, mi.Point2f(x, y))
             support_value, support_pdf = support.evaluate(support_direction)
-            direction = dr.select(on_support, support_direction, direction)
-            weight = dr.select(on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
-            throughput *= weight
+            direction = dr.select(vertex.on_support, support_direction, si.to_world(drawn.wo))
+            throughput *= dr.select(vertex.on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
+            pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
+            pdf = dr.select(vertex.on_support, support_pdf, pdf)
+
             # Passing through a mask's hole is no scattering: what was known of the last one stays.
-            previous_pdf = dr.select(through, previous_pdf, dr.select(on_support, support_pdf, pdf))
-            previous = dr.select(through, previous, point)
+            through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
+            last.point = dr.select(through, last.point, point)
+            last.pdf = dr.select(through, last.pdf, pdf)
+            last.lights = dr.select(through, last.lights, lights)
             difference = dr.select(through, difference, in_difference)
-            covered = dr.select(through & first, False, covered)
-            first &= through
+            covered &= ~(through & first)
             depth = dr.select(through, depth, depth + 1)
+            first &= through
             ray = leave(point, normal, direction)
             active &= dr.max(throughput) > 0.0
 
-        change = dr.select(covered, 0.0, radiance)
-        synthetic = dr.select(covered, radiance, 0.0)
-        return CameraSamples(change, synthetic, covered)
+        return CameraSamples(radiance & ~covered, radiance & covered, covered)
 
     # -- The terms ----------------------------------------------------------------------------------------------
 
@@ -199,9 +229,7 @@ class DifferenceIntegrator:
         blocked: mi.Bool,
         hidden: mi.Bool,
         arrived: mi.Bool,
-        previous: mi.Point3f,
-        previous_pdf: mi.Float,
-        throughput: mi.Color3f,
+        last: LastScattering,
         depth: mi.UInt32,
     ) -> mi.Color3f:
         """``+M(q)`` where a path arrives at the place, ``-M(q)`` where a new surface blocks it.
@@ -212,19 +240,14 @@ class DifferenceIntegrator:
             blocked: a new surface was met in difference mode.
             hidden: ``blocked`` by a surface behind which ``q`` must still be found.
             arrived: a real surface or the sky was met otherwise.
-            previous: where the last scattering was.
-            previous_pdf: density with which its direction was drawn; 0 where light sampling could not draw it.
-            throughput: of the path.
+            last: the last scattering.
             depth: scatterings so far.
         """
         if not self.place.infinite and self.surfaces.has_real and self.surfaces.has_synthetic:
-            behind = self.surfaces.first_real(ray, hidden)
-            hit = select_hit(hidden, behind, hit)
+            hit = select_hit(hidden, self.surfaces.first_real(ray, hidden), hit)
         wanted = blocked | arrived
-        distance = dr.norm(hit.point - previous)
-        radiance, pdf = self.place.seen(hit, ray.d, distance, wanted)
-        weight = _mis_weight(previous_pdf, pdf * self.map_share)
-        value = self._clamped(throughput * radiance * weight, depth)
+        radiance, pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - last.point), wanted)
+        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * self.map_share * last.lights), depth)
         return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
 
     def _emission(
@@ -232,20 +255,18 @@ class DifferenceIntegrator:
         si: mi.SurfaceInteraction3f,
         on_synthetic: mi.Bool,
         first: mi.Bool,
-        previous: mi.Point3f,
-        previous_pdf: mi.Float,
-        throughput: mi.Color3f,
+        last: LastScattering,
         depth: mi.UInt32,
     ) -> mi.Color3f:
         """Light that synthetic surfaces emit along the ray."""
         emitter = si.emitter(self.surfaces.all, on_synthetic)
         shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
         reference = dr.zeros(mi.Interaction3f)
-        reference.p = previous
+        reference.p = last.point
         sampled = mi.DirectionSample3f(self.surfaces.all, si, reference)
         pdf = self.surfaces.all.pdf_emitter_direction(reference, sampled, shines & ~first)
-        weight = dr.select(first, 1.0, _mis_weight(previous_pdf, pdf * (1.0 - self.map_share)))
-        return dr.select(shines, self._clamped(throughput * emitter.eval(si, shines) * weight, depth), 0.0)
+        weight = dr.select(first, 1.0, _mis_weight(last.pdf, pdf * (1.0 - self.map_share) * last.lights))
+        return dr.select(shines, self._clamped(emitter.eval(si, shines) * weight, depth), 0.0)
 
     def _albedo(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
         """Recovered albedo at support points, else 0."""
@@ -256,17 +277,13 @@ class DifferenceIntegrator:
 
     def _direct(
         self,
-        rng: mi.PCG32,
+        randoms: Randoms,
         context: mi.BSDFContext,
-        bsdf: mi.BSDFPtr,
-        si: mi.SurfaceInteraction3f,
-        support: SupportScattering,
-        point: mi.Point3f,
-        normal: mi.Vector3f,
-        on_synthetic: mi.Bool,
-        on_support: mi.Bool,
-        in_difference: mi.Bool,
-        throughput: mi.Color3f,
+        vertex: Vertex,
+        active: mi.Bool,
+        first: mi.Bool,
+        lights: mi.Float,
+        number: int,
         depth: mi.UInt32,
     ) -> mi.Color3f:
         """Light sampling at a vertex.
@@ -274,48 +291,58 @@ class DifferenceIntegrator:
         A light sample ``l`` counts where it is what the vertex sees: where no other real surface stands between. At a
         synthetic point it is lost if something new stands between; at a support point in difference mode that is just
         when it counts, as ``-M(l)``.
+
+        Args:
+            randoms: random numbers of the paths.
+            context: for the BSDFs.
+            vertex: where the paths are.
+            active: which of them take this sample.
+            first: which of them are at their first vertex.
+            lights: how many samples the vertex takes in all.
+            number: which of them this is.
+            depth: scatterings so far.
         """
-        active = on_synthetic | on_support
-        number = rng.next_float32(active)
+        choice = dr.select(first, randoms.spread("light", FIRST_LIGHTS, number)[0], randoms.next(active))
         from_map = mi.Bool(True)
         if self.has_emitters:
-            from_map = number < self.map_share
-            number = dr.select(from_map, number / self.map_share, number)
-        light = self.place.light(number, active & from_map)
-        direction, distance, pdf = self.place.toward(light, point)
+            from_map = choice < self.map_share
+            choice = dr.select(from_map, choice / self.map_share, choice)
+        light = self.place.light(choice, active & from_map)
+        direction, distance, pdf = self.place.toward(light, vertex.point)
         pdf *= self.map_share
         radiance = light.radiance
         if self.has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
-            reference.p, reference.n = point, normal
+            reference.p, reference.n = vertex.point, vertex.normal
             from_emitter = active & ~from_map
-            position = mi.Point2f(rng.next_float32(active), rng.next_float32(active))
+            position = mi.Point2f(randoms.next(active), randoms.next(active))
             sampled, weight = self.surfaces.all.sample_emitter_direction(reference, position, False, from_emitter)
             direction = dr.select(from_map, direction, sampled.d)
             distance = dr.select(from_map, distance, sampled.dist)
             pdf = dr.select(from_map, pdf, sampled.pdf * (1.0 - self.map_share))
             radiance = dr.select(from_map, radiance, weight * sampled.pdf)
 
-        bsdf_value, bsdf_pdf = bsdf.eval_pdf(context, si, si.to_local(direction), on_synthetic)
-        support_value, support_pdf = support.evaluate(direction)
-        value = dr.select(on_synthetic, bsdf_value, support_value)
-        scattering_pdf = dr.select(on_synthetic, bsdf_pdf, support_pdf)
-        value *= throughput * radiance * (_mis_weight(pdf, scattering_pdf) / dr.maximum(pdf, 1e-20))
+        on_synthetic = vertex.on_synthetic & active
+        bsdf_value, bsdf_pdf = vertex.bsdf.eval_pdf(context, vertex.si, vertex.si.to_local(direction), on_synthetic)
+        support_value, support_pdf = vertex.support.evaluate(direction)
+        scattering_pdf = dr.select(vertex.on_synthetic, bsdf_pdf, support_pdf)
+        pdf *= lights
+        value = dr.select(vertex.on_synthetic, bsdf_value, support_value) * radiance
+        value *= _mis_weight(pdf, scattering_pdf) / dr.maximum(pdf, 1e-20)
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
 
         # In difference mode the map's light counts where something new blocks it.
-        inverted = in_difference & from_map
-        shadow_ray = leave(point, normal, direction, distance * SHADOW_RAY_END)
+        inverted = vertex.in_difference & from_map
+        shadow_ray = leave(vertex.point, vertex.normal, direction, distance * SHADOW_RAY_END)
         passed = self._transmittance(shadow_ray, useful)
         share = dr.select(inverted, passed - 1.0, passed)
         if self.has_relit:
             share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)
         useful &= share != 0.0
-        if not self.surfaces.has_real:
-            return dr.select(useful, self._clamped(value * share, depth), 0.0)
-        tested = useful & ~from_map if self.place.infinite else useful
-        hidden = self.surfaces.real.ray_test(shadow_ray, coherent=False, active=tested)
-        return dr.select(useful & ~hidden, self._clamped(value * share, depth), 0.0)
+        if self.surfaces.has_real:
+            tested = useful & ~from_map if self.place.infinite else useful
+            useful &= ~self.surfaces.real.ray_test(shadow_ray, coherent=False, active=tested)
+        return dr.select(useful, self._clamped(value * share, depth), 0.0)
 
     def _transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """Share of light that passes all synthetic surfaces along shadow rays."""
