@@ -22,8 +22,10 @@ from lightdepth.kernel.tracing import TracedSurfaces, leave
 from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
 from lightdepth.scene.model import Panorama, Scene
+from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import CameraSamples
 from lightdepth.transport.place import Place
+from lightdepth.transport.randoms import Randoms
 
 LIGHTS = 256
 """K, the lights of the median cut (paper, section 5.5)."""
@@ -113,11 +115,20 @@ class EnvpathIntegrator:
         place: the photographed place.
         surfaces: real and synthetic surfaces; the support's irradiance holds its scale factors.
         panorama: the photograph.
+        bounds: the objects' bounds, or ``None`` without objects; the film asks for them.
         max_bounces: ``MaxLength`` of algorithm 1, in scatterings; negative for no limit.
     """
 
-    def __init__(self, place: Place, surfaces: TracedSurfaces, panorama: Panorama, max_bounces: int = 8) -> None:
+    def __init__(
+        self,
+        place: Place,
+        surfaces: TracedSurfaces,
+        panorama: Panorama,
+        bounds: ObjectBounds | None = None,
+        max_bounces: int = 8,
+    ) -> None:
         self.place = place
+        self.bounds = bounds
         self.surfaces = surfaces
         self._capture = mi.Vector3f(opaque_point(panorama.position))
         self._to_light = opaque_matrix(panorama.rotation.T)
@@ -128,11 +139,11 @@ class EnvpathIntegrator:
         self.has_emitters = len(surfaces.all.emitters()) > 0
 
     @dr.syntax
-    def sample(self, rng: mi.PCG32, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
+    def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
         """Algorithm 1 along each camera ray.
 
         Args:
-            rng: random numbers; advanced.
+            randoms: random numbers of the paths; advanced.
             ray: camera rays, world.
             active: rays outside the camera's image are not followed.
         """
@@ -179,7 +190,8 @@ class EnvpathIntegrator:
             factor = self.surfaces.irradiance(hit, on_support).x
             photograph = dr.select(first & on_support, own, photograph)
             direct_support = on_support & (synthetic_path | first)
-            light = self.place.light(rng.next_float32(active), active)
+            number = dr.select(first, randoms.spread("light")[0], randoms.next(active))
+            light = self.place.light(number, active)
             direction, distance, pdf = self.place.toward(light, point)
             shadow_ray = leave(point, normal, direction)
             real_end = dr.select(light.finite, distance * 0.999, dr.inf)
@@ -205,8 +217,8 @@ class EnvpathIntegrator:
             radiance += dr.select(useful & ~blocked, throughput * value, 0.0)
 
             # Lines 18 to 26.
-            choice = rng.next_float32(active)
-            position = mi.Point2f(rng.next_float32(active), rng.next_float32(active))
+            choice, x, y = randoms.direction(first, active)
+            position = mi.Point2f(x, y)
             drawn, weight_bsdf = bsdf.sample(context, si, choice, position, on_synthetic)
             support_direction = mi.Frame3f(hit.normal).to_world(mi.warp.square_to_cosine_hemisphere(position))
             direction = dr.select(on_synthetic, si.to_world(drawn.wo), support_direction)
@@ -219,7 +231,7 @@ class EnvpathIntegrator:
             first = mi.Bool(False)
             depth += 1
             survival = dr.select(depth >= ROULETTE_DEPTH, dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL), 1.0)
-            active &= rng.next_float32(active) < survival
+            active &= randoms.next(active) < survival
             throughput *= dr.rcp(dr.maximum(survival, 1e-6))
             active &= dr.max(throughput) > 0.0
             ray = leave(point, normal, direction)
@@ -230,4 +242,5 @@ class EnvpathIntegrator:
 
 
 def _luminance(color: mi.Color3f) -> mi.Float:
-    return LUMINANCE[0] * color.x + LUMINANCE[1] * color.y + LUMINANCE[2] * color.z
+    red, green, blue = (float(weight) for weight in LUMINANCE)
+    return red * color.x + green * color.y + blue * color.z

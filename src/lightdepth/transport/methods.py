@@ -44,7 +44,7 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     modelled = merge_real_surfaces(scene.real)
     empty = Place(scene.panorama, TracedSurfaces(modelled), infinite)
     shapes = tuple(synthetic_shapes(scene))
-    bounds = ObjectBounds(_boxes(shapes)) if shapes else None
+    bounds = _bounds(shapes)
     spheres = bounds.spheres if bounds is not None else []
     real, report = recover_irradiance(empty, modelled, spheres, generator)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
@@ -66,7 +66,7 @@ def _envpath(scene: Scene) -> Prepared:
     real = support_with_scale_factors(scene, modelled)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
     place = Place(scene.panorama, surfaces)
-    integrator = EnvpathIntegrator(place, surfaces, scene.panorama, scene.render.max_bounces)
+    integrator = EnvpathIntegrator(place, surfaces, scene.panorama, _bounds(shapes), scene.render.max_bounces)
     return Prepared(place, surfaces, integrator, shapes, IrradianceReport(len(real.vertices), math.nan, math.nan))
 
 
@@ -78,6 +78,7 @@ METHODS: dict[str, Callable[[Scene], Prepared]] = {
 """The methods by name. A new one is a file in this folder and a line here."""
 
 
-def _boxes(shapes: tuple[tuple[int, mi.Shape], ...]) -> list[tuple[np.ndarray, np.ndarray]]:
+def _bounds(shapes: tuple[tuple[int, mi.Shape], ...]) -> ObjectBounds | None:
     boxes = [shape.bbox() for _, shape in shapes]
-    return [(np.array(box.min).ravel(), np.array(box.max).ravel()) for box in boxes]
+    corners = [(np.array(box.min).ravel(), np.array(box.max).ravel()) for box in boxes]
+    return ObjectBounds(corners) if corners else None
