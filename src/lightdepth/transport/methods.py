@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,6 +15,7 @@ from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.scene.model import Scene
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import DifferenceIntegrator
+from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
 from lightdepth.transport.place import Place
 from lightdepth.transport.recovered_albedo import IrradianceReport, recover_irradiance
 
@@ -32,7 +34,7 @@ class Prepared:
 
     place: Place
     surfaces: TracedSurfaces
-    integrator: DifferenceIntegrator
+    integrator: DifferenceIntegrator | EnvpathIntegrator
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
 
@@ -42,7 +44,7 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     modelled = merge_real_surfaces(scene.real)
     empty = Place(scene.panorama, TracedSurfaces(modelled), infinite)
     shapes = tuple(synthetic_shapes(scene))
-    bounds = ObjectBounds(_boxes(shapes)) if shapes else None
+    bounds = _bounds(shapes)
     spheres = bounds.spheres if bounds is not None else []
     real, report = recover_irradiance(empty, modelled, spheres, generator)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
@@ -58,10 +60,25 @@ def _directional(scene: Scene) -> Prepared:
     return _difference(scene, infinite=True)
 
 
-METHODS: dict[str, Callable[[Scene], Prepared]] = {"difference": _difference, "directional": _directional}
+def _envpath(scene: Scene) -> Prepared:
+    modelled = merge_real_surfaces(scene.real)
+    shapes = tuple(synthetic_shapes(scene))
+    real = support_with_scale_factors(scene, modelled)
+    surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
+    place = Place(scene.panorama, surfaces)
+    integrator = EnvpathIntegrator(place, surfaces, scene.panorama, _bounds(shapes), scene.render.max_bounces)
+    return Prepared(place, surfaces, integrator, shapes, IrradianceReport(len(real.vertices), math.nan, math.nan))
+
+
+METHODS: dict[str, Callable[[Scene], Prepared]] = {
+    "difference": _difference,
+    "directional": _directional,
+    "envpath": _envpath,
+}
 """The methods by name. A new one is a file in this folder and a line here."""
 
 
-def _boxes(shapes: tuple[tuple[int, mi.Shape], ...]) -> list[tuple[np.ndarray, np.ndarray]]:
+def _bounds(shapes: tuple[tuple[int, mi.Shape], ...]) -> ObjectBounds | None:
     boxes = [shape.bbox() for _, shape in shapes]
-    return [(np.array(box.min).ravel(), np.array(box.max).ravel()) for box in boxes]
+    corners = [(np.array(box.min).ravel(), np.array(box.max).ravel()) for box in boxes]
+    return ObjectBounds(corners) if corners else None
