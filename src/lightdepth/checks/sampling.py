@@ -67,7 +67,6 @@ def _mesh_of(shape: AnalyticShape) -> Mesh:
         case "cylinder":
             sides = [np.stack([here, after, after + 96], axis=1), np.stack([here, after + 96, here + 96], axis=1)]
             unit = trimesh.Trimesh(
-                np.concatenate([rim, rim + np.array([0, 0, 1])]), np.concatenate(sides), process=False
                 np.concatenate([rim, rim + np.array([0.0, 0.0, 1.0])]), np.concatenate(sides), process=False
             )
         case "disk":

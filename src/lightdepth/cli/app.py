@@ -9,14 +9,13 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from lightdepth.cli import capture
+from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
-from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.reconstruct import app as reconstruct
-from lightdepth.cli import capture
 from lightdepth.cli.render import render
-from lightdepth.cli.calibrate import calibrate
 from lightdepth.errors import LightdepthError
 
 app = typer.Typer(
@@ -38,21 +37,13 @@ def _options(
 
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
-app.command()(render)
+app.add_typer(capture.app, name="capture")
+app.command()(calibrate)
+app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.command()(lightmap)
 app.command()(check)
-app.command()(doctor)
-app.command()(lightmap)
-app.command()(lightmap)
-app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.command()(render)
-app.command()(calibrate)
-
-
-@app.callback(help=app.info.help)
-def _commands() -> None:
-    """A command is always named, even were there only one."""
-app.add_typer(capture.app, name="capture")
+app.command()(doctor)
 
 
 def main() -> None:

@@ -159,7 +159,7 @@ class Rendering:
             left = samples * taken.size - taken.sum()
             if left < QUANTUM * taken.size / 64 or taken.max(initial=0.0) > PILOT_SAMPLES:
                 return np.zeros(taken.size, np.int64)
-            error = self._smoothed(self._relative_error()).astype(np.float64)
+            error = self._smoothed(self._relative_error())
             more = np.minimum(left * error / max(error.sum(), 1e-300), MOST_SHARE * samples)
         else:
             # The error falls with the square root of the number of samples.

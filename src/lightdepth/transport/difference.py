@@ -167,7 +167,7 @@ class DifferenceIntegrator:
             point = dr.select(on_synthetic, si.p, hit.point)
             normal = dr.select(on_synthetic, si.n, hit.normal)
             cones: Cones | None = None
-            if dr.hint(bounds is not None, mode="scalar"):
+            if bounds is not None:
                 cones = bounds.cones(point)
 
             # Roulette: by the light still carried, and on support by what could still be met.
