@@ -157,7 +157,7 @@ def leave(
 
 
 def _scene(shapes: dict[str, mi.Shape]) -> mi.Scene:
-    return mi.load_dict({"type": "scene", **shapes}, optimize=False)
+    return mi.load_dict({"type": "scene", "embree_use_robust_intersections": True, **shapes}, optimize=False)
 
 
 def _shape_number(shape: mi.Shape) -> int:
