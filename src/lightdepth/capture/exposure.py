@@ -13,7 +13,6 @@ from typing import Any
 
 from lightdepth.errors import InputError
 
-
 # What dials and EXIF data say, in thirds and halves of a stop.
 _PRINTED = [30, 25, 20, 15, 13, 10, 8, 6, 5, 4, 3.2, 2.5, 2, 1.6, 1.3, 1, 0.8, 0.6, 0.5, 0.4, 0.3]
 _PRINTED_FRACTIONS = [4, 5, 6, 8, 10, 13, 15, 20, 25, 30, 40, 45, 50, 60, 80, 90, 100, 125, 160, 180, 200, 250, 320]
@@ -148,13 +147,11 @@ def _read_table(table: Path) -> dict[str, Exposure]:
         )
     rows = {}
     for row in reader:
-        values = {}
-        for name in ("time", "aperture", "iso"):
-            text = (row.get(name) or "").strip()
-            if not text and name != "time":
-                continue
-            values[name] = _positive(text, f"{table}: line {reader.line_num}: {name}")
-        rows[Path(row["file"]).name] = Exposure(**values)
+        time, aperture, iso = (
+            _positive((row.get(name) or "").strip() or default, f"{table}: line {reader.line_num}: {name}")
+            for name, default in (("time", ""), ("aperture", "1"), ("iso", "100"))
+        )
+        rows[Path(row["file"]).name] = Exposure(time, aperture, iso)
     return rows
 
 

@@ -15,9 +15,8 @@ from rich.table import Table
 from lightdepth.errors import InputError
 
 if TYPE_CHECKING:
-    from lightdepth.capture.exposure import Exposure
     from lightdepth.capture.fisheye import Circle
-    from lightdepth.capture.shoot import MergeOptions, Shoot
+    from lightdepth.capture.shoot import Shoot
 
 app = typer.Typer(help="Photographs to one HDR panorama: merge brackets, stitch orientations.", no_args_is_help=True)
 
@@ -57,7 +56,8 @@ def merge(
     from lightdepth.capture.merging import shared_response
     from lightdepth.capture.output import check_output, write_image
     from lightdepth.capture.report import merge_report, write_report
-    from lightdepth.capture.response import load_response, save_response as save
+    from lightdepth.capture.response import load_response
+    from lightdepth.capture.response import save_response as save
 
     check_output(output, save_response, report)
     bracket = list(zip(photographs, read_exposures(photographs, exposures), strict=True))
@@ -126,7 +126,8 @@ def stitch(
     from lightdepth.capture.hugin import ALIGNMENT_TOOLS, require
     from lightdepth.capture.output import check_output, write_image
     from lightdepth.capture.report import stitch_report, write_report
-    from lightdepth.capture.response import load_response, save_response as save
+    from lightdepth.capture.response import load_response
+    from lightdepth.capture.response import save_response as save
     from lightdepth.capture.rig import parse_rig
     from lightdepth.capture.shoot import MergeOptions, read_shoot
     from lightdepth.capture.stitching import Options
