@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from support.photography import write_photograph
 
 from lightdepth.capture.brackets import brackets_in_folder, group_by_exposure
 from lightdepth.capture.exposure import Exposure, read_exif, read_exposures, shutter_time
 from lightdepth.errors import InputError
+from support.photography import write_photograph
 
 GREY = np.full((8, 8, 3), 128, np.uint8)
 
@@ -19,7 +19,8 @@ def test_exif_gives_time_aperture_sensitivity_and_the_moment(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("printed", "true"), [(13, 2 ** (11 / 3)), (6, 2 ** (8 / 3)), (1 / 8000, 2**-13), (1 / 60, 1 / 64), (0.0371, 0.0371)]
+    ("printed", "true"),
+    [(13, 2 ** (11 / 3)), (6, 2 ** (8 / 3)), (1 / 8000, 2**-13), (1 / 60, 1 / 64), (0.0371, 0.0371)],
 )
 def test_shutters_keep_powers_of_two_and_say_round_numbers(printed, true):
     assert shutter_time(printed) == pytest.approx(true, rel=1e-9)
@@ -73,7 +74,12 @@ def named(times):
 def test_brackets_begin_where_an_exposure_comes_again():
     assert [len(group) for group in group_by_exposure(named([1, 4, 16] * 5))] == [3] * 5
     # One exposure is missing in the middle, and in another bracket at its end.
-    assert [len(group) for group in group_by_exposure(named([1, 4, 16, 64, 1, 16, 64, 1, 4, 16, 1, 4, 16, 64]))] == [4, 3, 3, 4]
+    assert [len(group) for group in group_by_exposure(named([1, 4, 16, 64, 1, 16, 64, 1, 4, 16, 1, 4, 16, 64]))] == [
+        4,
+        3,
+        3,
+        4,
+    ]
 
 
 def test_photographs_with_automatic_exposure_are_no_brackets():

@@ -2,7 +2,6 @@ import cv2
 import numpy as np
 import pytest
 from PIL import Image
-from support.photography import TestCamera, photograph, sensor_radiance, write_photograph
 
 from lightdepth.capture.exposure import read_exposures
 from lightdepth.capture.fisheye import Circle, find_circle, parse_circle
@@ -10,6 +9,7 @@ from lightdepth.capture.merging import merge, shared_response
 from lightdepth.capture.photograph import read_photograph
 from lightdepth.capture.response import linear_response, srgb_response
 from lightdepth.errors import InputError
+from support.photography import TestCamera, photograph, sensor_radiance, write_photograph
 
 
 def relative_error(radiance, truth, where):
@@ -72,7 +72,7 @@ def test_circle_is_found_and_cropped_to(bracket):
     assert abs(circle.x - 160) < 1.5
     assert abs(circle.y - 160) < 1.5
     assert abs(circle.radius - 160) < 2
-    assert merged.seen.mean() == pytest.approx(np.pi / 4, abs=0.01)
+    assert merged.seen.sum() == pytest.approx(np.pi * circle.radius**2, rel=0.01)
     assert not merged.radiance[~merged.seen].any()
 
 
@@ -121,7 +121,6 @@ def test_hand_held_bracket_is_aligned(view, tmp_path):
         matrix[:, 2] += dx, dy
         return cv2.warpAffine(light, matrix, (480, 360), borderMode=cv2.BORDER_REFLECT)
 
-    pairs = expose(light, [64, 16, 4, 1, 0.25], camera, tmp_path, shake)
     response = shared_response([expose(light, [64, 16, 4, 1, 0.25], camera, tmp_path)])[0]
     still = merge(expose(light, [64, 16, 4, 1, 0.25], camera, tmp_path), response)
     pairs = expose(light, [64, 16, 4, 1, 0.25], camera, tmp_path, shake)
@@ -136,6 +135,7 @@ def test_hand_held_bracket_is_aligned(view, tmp_path):
         errors.append(np.median(np.abs(relative_error(merged.radiance, truth, where))))
     noise = np.median(np.abs(relative_error(still.radiance, light, where)))
     assert errors[0] > 0.05
+    print(f"median error {errors[0]:.1%} as shot, {errors[1]:.1%} aligned, {noise:.1%} from a tripod")
     assert errors[1] < noise + 0.02
 
 
@@ -156,7 +156,9 @@ def test_what_moved_is_left_out(view, tmp_path):
     scale = np.median(deghosted.radiance / walker(light, 2))
     for index in (0, 1, 3, 4):
         box = np.s_[110:250, 50 + 90 * index : 100 + 90 * index]
-        errors = [abs(np.log(np.maximum(image.radiance[box], 1e-9) / scale / light[box])) for image in (plain, deghosted)]
+        errors = [
+            abs(np.log(np.maximum(image.radiance[box], 1e-9) / scale / light[box])) for image in (plain, deghosted)
+        ]
         assert np.median(errors[1]) < 0.08, index
     box = np.s_[110:250, 50:100]
     assert np.median(np.abs(np.log(plain.radiance[box] / scale / light[box]))) > 0.3
