@@ -26,7 +26,9 @@ def test_the_place_is_modelled_kept_and_undone(blender, tmp_path):
     kept = found["kept"]
     assert kept["roles"] == roles | {"Cube": "SYNTHETIC", "Cube.001": "SYNTHETIC", "Holes": "SYNTHETIC"}
     assert kept["corners"] == [pytest.approx(c) for c in ([0.1, 0.7], [0.2, 0.7], [0.2, 0.8], [0.1, 0.8])]
-    assert {name: kept[name] for name in ("image", "capture", "samples", "method", "gloss", "rest", "engine", "world")} == {
+    assert {
+        name: kept[name] for name in ("image", "capture", "samples", "method", "gloss", "rest", "engine", "world")
+    } == {
         "image": "panorama.exr",
         "capture": "Capture point",
         "samples": 7,
