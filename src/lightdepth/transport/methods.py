@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mitsuba as mi
@@ -11,9 +12,11 @@ import numpy as np
 from lightdepth.kernel.real_surfaces import merge_real_surfaces
 from lightdepth.kernel.shapes import synthetic_shapes
 from lightdepth.kernel.tracing import TracedSurfaces
-from lightdepth.scene.model import Scene
+from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.scene.model import RealSurface, Role, Scene
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import DifferenceIntegrator
+from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
 from lightdepth.transport.place import Place
 from lightdepth.transport.recovered_albedo import IrradianceReport, recover_irradiance
 
@@ -32,17 +35,17 @@ class Prepared:
 
     place: Place
     surfaces: TracedSurfaces
-    integrator: DifferenceIntegrator
+    integrator: DifferenceIntegrator | EnvpathIntegrator
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
 
 
 def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     generator = np.random.default_rng(scene.render.seed)
-    modelled = merge_real_surfaces(scene.real)
+    modelled = merge_real_surfaces(_real_surfaces(scene))
     empty = Place(scene.panorama, TracedSurfaces(modelled), infinite)
     shapes = tuple(synthetic_shapes(scene))
-    bounds = ObjectBounds(_boxes(shapes)) if shapes else None
+    bounds = _bounds(shapes)
     spheres = bounds.spheres if bounds is not None else []
     real, report = recover_irradiance(empty, modelled, spheres, generator)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
@@ -58,10 +61,34 @@ def _directional(scene: Scene) -> Prepared:
     return _difference(scene, infinite=True)
 
 
-METHODS: dict[str, Callable[[Scene], Prepared]] = {"difference": _difference, "directional": _directional}
+def _envpath(scene: Scene) -> Prepared:
+    modelled = merge_real_surfaces(_real_surfaces(scene))
+    shapes = tuple(synthetic_shapes(scene))
+    real = support_with_scale_factors(scene, modelled)
+    surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
+    place = Place(scene.panorama, surfaces)
+    integrator = EnvpathIntegrator(place, surfaces, scene.panorama, _bounds(shapes), scene.render.max_bounces)
+    return Prepared(place, surfaces, integrator, shapes, IrradianceReport(len(real.vertices), math.nan, math.nan))
+
+
+METHODS: dict[str, Callable[[Scene], Prepared]] = {
+    "difference": _difference,
+    "directional": _directional,
+    "envpath": _envpath,
+}
 """The methods by name. A new one is a file in this folder and a line here."""
 
 
-def _boxes(shapes: tuple[tuple[int, mi.Shape], ...]) -> list[tuple[np.ndarray, np.ndarray]]:
+def _real_surfaces(scene: Scene) -> Sequence[RealSurface]:
+    """The modelled surfaces; where there are none, one made from the panorama's depth, all of it support."""
+    if scene.real or scene.panorama.depth is None:
+        return scene.real
+    panorama = scene.panorama
+    mesh = mesh_from_depth(panorama.depth, panorama.position, panorama.rotation)
+    return (RealSurface("depth", mesh, Role.SUPPORT),)
+
+
+def _bounds(shapes: tuple[tuple[int, mi.Shape], ...]) -> ObjectBounds | None:
     boxes = [shape.bbox() for _, shape in shapes]
-    return [(np.array(box.min).ravel(), np.array(box.max).ravel()) for box in boxes]
+    corners = [(np.array(box.min).ravel(), np.array(box.max).ravel()) for box in boxes]
+    return ObjectBounds(corners) if corners else None

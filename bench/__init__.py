@@ -1,0 +1,1 @@
+"""Measurements of fidelity and speed against full path tracing and other renderers: ``python -m bench``."""

@@ -1,0 +1,80 @@
+"""The benchmark's command line: ``python -m bench``, ``python -m bench truth`` and ``python -m bench cost``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+app = typer.Typer(help=__doc__, pretty_exceptions_enable=False, add_completion=False)
+console = Console()
+
+
+@app.callback(invoke_without_command=True)
+def everything(
+    context: typer.Context,
+    quick: Annotated[
+        bool, typer.Option(help="Small images and few samples: a few minutes, to see that it runs.")
+    ] = False,
+    note: Annotated[str, typer.Option(help="A sentence about the circumstances, for the page.")] = "",
+) -> None:
+    """Measure all methods on all places, and costs; write bench/results/*.json and docs/benchmarks.md."""
+    if context.invoked_subcommand is not None:
+        return
+    from bench.cost import cost
+    from bench.report import write_report
+    from bench.run import FULL, QUICK, RESULTS, run, save
+
+    results = run(QUICK if quick else FULL, console)
+    console.print(f"wrote {save(results, 'fidelity')}", highlight=False)
+    costs = cost(quick, console)
+    (RESULTS / "cost.json").write_text(json.dumps(costs, indent=1) + "\n")
+    console.print(f"wrote {write_report(results, costs, note)}", highlight=False)
+
+
+@app.command()
+def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> None:
+    """Measure costs alone; print them and write bench/results/cost.json."""
+    from bench.cost import cost as measure_cost
+    from bench.run import RESULTS
+
+    costs = measure_cost(quick, console)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    (RESULTS / "cost.json").write_text(json.dumps(costs, indent=1) + "\n")
+    for table in costs["tables"]:
+        console.print(f"\n{table['title']}", markup=False)
+        for row in [table["head"], *table["rows"]]:
+            console.print("  " + "   ".join(row), highlight=False, markup=False)
+
+
+@app.command()
+def truth(
+    scene: Annotated[Path, typer.Option(help="A Mitsuba scene file, for example living-room/scene_patched.xml.")],
+    capture: Annotated[str, typer.Option(help="Capture point X,Y,Z in the scene's own units and axes.")],
+    objects: Annotated[str, typer.Option(help="Where the objects stand: X,Y,Z on the floor, as above.")] = "",
+    up: Annotated[str, typer.Option(help="Which of the scene's axes points up: y or z.")] = "y",
+    width: Annotated[int, typer.Option(help="Width of the panoramas in pixels.")] = 256,
+    samples: Annotated[int, typer.Option(help="Samples a pixel of the truth; the methods get a sixteenth.")] = 1024,
+) -> None:
+    """Any Mitsuba scene as a place: photograph it, insert objects, compare with path tracing it with the objects.
+
+    Example: python -m bench truth --scene living-room/scene_patched.xml --capture 0,1.4,3 --objects 0,0,1.5
+    """
+    from bench.foreign import compare
+
+    for line in compare(scene, _numbers(capture), _numbers(objects) if objects else None, up, width, samples, console):
+        console.print(line, highlight=False, markup=False)
+
+
+def _numbers(text: str) -> tuple[float, float, float]:
+    values = tuple(float(part) for part in text.split(","))
+    if len(values) != 3:
+        raise typer.BadParameter(f"'{text}': three numbers separated by commas are needed")
+    return values
+
+
+if __name__ == "__main__":
+    app()

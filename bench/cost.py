@@ -1,0 +1,193 @@
+"""What rendering costs: against stock Mitsuba, and how it grows with panorama, objects and triangles."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+import trimesh
+from rich.console import Console
+
+import lightdepth
+from bench.methods.job import MAX_BOUNCES
+from bench.places import lamp_and_window
+from bench.places.objects import Matte
+from bench.places.place import Place
+from bench.truth import path_trace
+from lightdepth.kernel.start import start
+from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticObject, SyntheticPart
+
+ROOT = Path(__file__).parents[1]
+
+
+def cost(quick: bool, console: Console) -> dict[str, Any]:
+    """All cost measurements, as tables of text."""
+    start()
+    tables = []
+    for title, make in (
+        ("Cost of a camera sample against Mitsuba `path` on the same augmented room, both 8 bounces", _against_path),
+        ("Width of the panorama (the objects fill the same share of it)", _widths),
+        ("Number of objects", _object_counts),
+        ("Triangles of one object", _triangles),
+        ("Start to picture: a process of its own, 512 pixels wide, 4 samples", _starts),
+        ("Memory and time of an 8192x4096 panorama in and out", _large),
+    ):
+        console.print(f"cost: {title}", highlight=False, markup=False)
+        head, rows = make(quick)
+        tables.append({"title": title, "head": head, "rows": rows})
+    return {"tables": tables}
+
+
+def _timed(scene: Scene, camera: str, samples: int, repeats: int = 3) -> tuple[list[float], Any]:
+    """Seconds of rendering with everything prepared and compiled, and the last image."""
+    lightdepth.render(scene, camera=camera, samples=samples)
+    seconds = []
+    for repeat in range(repeats):
+        began = time.perf_counter()
+        frame = lightdepth.render(scene, camera=camera, samples=samples, seed=repeat + 1)
+        seconds.append(time.perf_counter() - began)
+    return seconds, frame
+
+
+def _against_path(quick: bool) -> tuple[list[str], list[list[str]]]:
+    import mitsuba as mi
+
+    samples, width = (8, 128) if quick else (32, 320)
+    place = lamp_and_window("mixed")
+    stock = mi.load_dict(place.mitsuba_scene(objects=True), optimize=False)
+    scene = place.scene(256, 256, view_width=width)
+    scene = replace(scene, render=replace(scene.render, max_bounces=MAX_BOUNCES))
+    view = scene.cameras["view"]
+    ours, frame = _timed(scene, "view", samples)
+    traced = int(frame.samples.astype(np.int64).sum())
+    theirs = []
+    for repeat in range(3):
+        began = time.perf_counter()
+        taken = path_trace(stock, view, samples, repeat, MAX_BOUNCES + 1, with_coverage=False).samples
+        theirs.append((time.perf_counter() - began) / (taken * width * view.camera.resolution[1]))
+    per_sample = [seconds / traced for seconds in ours]
+    rows = [
+        ["Mitsuba `path`", f"{1e6 * median(theirs):.2f}", "1"],
+        ["lightdepth `difference`", f"{1e6 * median(per_sample):.2f}", f"{median(per_sample) / median(theirs):.2f}"],
+    ]
+    return ["renderer", "microseconds a sample", "ratio"], rows
+
+
+def _panorama_scene(place: Place, width: int) -> Scene:
+    """The room with a photograph of any width: a small one enlarged, which costs the same to render."""
+    scene = place.scene(256, 256)
+    radiance = np.repeat(np.repeat(scene.panorama.radiance, width // 256, axis=0), width // 256, axis=1)
+    camera = place.camera("panorama", width)
+    return replace(scene, panorama=replace(scene.panorama, radiance=radiance), cameras={"panorama": camera})
+
+
+def _widths(quick: bool) -> tuple[list[str], list[list[str]]]:
+    rows = []
+    for width in (1024, 2048) if quick else (1024, 2048, 4096, 8192, 16384):
+        scene = _panorama_scene(_floor_only(lamp_and_window("mixed")), width)
+        seconds, frame = _timed(scene, "panorama", 1, repeats=1 if quick else 2)
+        influenced = int((frame.samples > 0).sum())
+        rows.append(
+            [
+                f"{width} x {width // 2}",
+                f"{influenced / 1e6:.3f}",
+                f"{influenced / frame.samples.size:.1%}",
+                f"{median(seconds):.2f}",
+                f"{1e6 * median(seconds) / max(int(frame.samples.astype(np.int64).sum()), 1):.2f}",
+            ]
+        )
+    return ["panorama", "influenced, million pixels", "share", "seconds", "microseconds an influenced pixel"], rows
+
+
+def _floor_only(place: Place) -> Place:
+    """The place with the floor as its only support: walls give light but are not changed, as in everyday use."""
+    return place.with_support(("floor",))
+
+
+def _object_counts(quick: bool) -> tuple[list[str], list[list[str]]]:
+    place, generator, rows = lamp_and_window("matte"), np.random.default_rng(1), []
+    for count in (1, 10) if quick else (1, 5, 20, 50, 200):
+        objects = []
+        for index in range(count):
+            radius = 0.3 / np.sqrt(count)
+            to_world = np.diag([radius, radius, radius, 1.0])
+            to_world[:3, 3] = (*generator.uniform((-1.2, 0.2), (0.9, 2.2)), radius + 0.001)
+            color = tuple(float(value) for value in generator.uniform(0.2, 0.8, 3))
+            part = SyntheticPart(AnalyticShape("sphere", to_world), Matte(color=color))
+            objects.append(SyntheticObject(f"ball {index}", (part,)))
+        rows.append([str(count), *_object_row(replace(place, objects=tuple(objects)), quick)])
+    return ["objects", "seconds", "microseconds a sample"], rows
+
+
+def _triangles(quick: bool) -> tuple[list[str], list[list[str]]]:
+    place, rows = lamp_and_window("matte"), []
+    for wanted in (1_000, 100_000) if quick else (1_000, 10_000, 100_000, 1_000_000, 5_000_000):
+        rings = round(np.sqrt(wanted / 4))
+        ball = trimesh.creation.uv_sphere(radius=0.4, count=[rings + 1, 2 * rings])
+        vertices = (ball.vertices + (0.1, 1.1, 0.401)).astype(np.float32)
+        part = SyntheticPart(Mesh(vertices, ball.faces.astype(np.int32)), Matte(color=(0.7, 0.15, 0.1)))
+        placed = replace(place, objects=(SyntheticObject("ball", (part,)),))
+        rows.append([f"{len(ball.faces):,}", *_object_row(placed, quick)])
+    return ["triangles", "seconds", "microseconds a sample"], rows
+
+
+def _object_row(place: Place, quick: bool) -> list[str]:
+    scene = _floor_only(place).scene(256, 256, view_width=96 if quick else 320)
+    seconds, frame = _timed(scene, "view", 4 if quick else 16)
+    return [
+        f"{median(seconds):.2f}",
+        f"{1e6 * median(seconds) / max(int(frame.samples.astype(np.int64).sum()), 1):.2f}",
+    ]
+
+
+def _run_process(code: str, environment: dict[str, str]) -> float:
+    began = time.perf_counter()
+    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, **environment}, cwd=ROOT)
+    return time.perf_counter() - began
+
+
+def _starts(quick: bool) -> tuple[list[str], list[list[str]]]:
+    """Cold: with an empty kernel cache; warm: with the one that the first run left."""
+    code = (
+        "import lightdepth; from bench.places import lamp_and_window; from bench.cost import floor_scene;"
+        "lightdepth.render(floor_scene(), camera='panorama', samples=4)"
+    )
+    floor_scene()  # The photograph is path-traced and cached before.
+    with tempfile.TemporaryDirectory() as cache:
+        environment = {"DRJIT_CACHE_DIR": cache, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])}
+        cold = _run_process(code, environment)
+        warm = [_run_process(code, environment) for _ in range(1 if quick else 3)]
+    return ["start", "seconds"], [["cold", f"{cold:.1f}"], ["warm", f"{median(warm):.1f}"]]
+
+
+def floor_scene() -> Scene:
+    """The room as the start-up measurement renders it."""
+    return _panorama_scene(_floor_only(lamp_and_window("mixed")), 512)
+
+
+def _large(quick: bool) -> tuple[list[str], list[list[str]]]:
+    width = 2048 if quick else 8192
+    code = (
+        "import resource, time, lightdepth; from bench.places import lamp_and_window;"
+        "from bench.cost import _panorama_scene, _floor_only;"
+        f"scene = _panorama_scene(_floor_only(lamp_and_window('mixed')), {width});"
+        "r = lambda n, s: lightdepth.render(scene, camera='panorama', samples=n, seed=s);"
+        "r(1, 0); a = time.perf_counter(); r(1, 1); b = time.perf_counter(); r(3, 2); c = time.perf_counter();"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, (c - b - (b - a)) / 2)"
+    )
+    floor_scene()
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])}
+    done = subprocess.run(
+        [sys.executable, "-c", code], check=True, env=environment, cwd=ROOT, capture_output=True, text=True
+    )
+    memory, seconds = done.stdout.split()[-2:]
+    row = [f"{width} x {width // 2}", f"{float(memory):.2f} GiB", f"{float(seconds):.2f} s"]
+    return ["panorama in and out", "peak memory of the process", "time a sample a pixel"], [row]

@@ -1,0 +1,54 @@
+"""lightdepth's own methods, through its public interface."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+import lightdepth
+from bench.methods.job import MAX_BOUNCES, Rendered, Shot
+from lightdepth.directions import euler_rotation
+from lightdepth.scene.model import Panorama, RealSurface, RenderSettings, Scene
+
+
+def scene_of(shot: Shot) -> Scene:
+    """What a user of lightdepth hands over for a shot; its camera is called ``shot``."""
+    return Scene(
+        panorama=Panorama(shot.panorama, shot.capture, euler_rotation(shot.place.rotation)),
+        real=tuple(RealSurface(part.name, part.mesh, part.role) for part in shot.modelled),
+        synthetic=shot.place.objects,
+        cameras={"shot": shot.view},
+        render=RenderSettings(max_bounces=MAX_BOUNCES),
+    )
+
+
+def own(shot: Shot, method: str, budgets: Sequence[int], denoise: bool = False, seed: int = 0) -> list[Rendered]:
+    """Render with growing numbers of samples.
+
+    The place is prepared once (irradiance, importance tables) by an untimed rendering of one sample, as the other methods'
+    kernels are warm too. What preparing takes is reported beside the results, by ``python -m bench cost``.
+    """
+    scene = scene_of(shot)
+    lightdepth.render(scene, camera="shot", samples=budgets[0], method=method, seed=seed + 1, denoise=denoise)
+    rendered = []
+    for samples in budgets:
+        began = time.perf_counter()
+        frame = lightdepth.render(scene, camera="shot", samples=samples, method=method, seed=seed, denoise=denoise)
+        seconds = time.perf_counter() - began
+        # Plates are compared nowhere: all methods composite into the same one.
+        coverage = frame.coverage[..., None].astype(np.float64)
+        image = shot.plate * (1.0 - coverage) + frame.change + frame.synthetic
+        rendered.append(Rendered(image, seconds))
+    return rendered
+
+
+def prepared_seconds(shot: Shot, method: str = "difference") -> float:
+    """Seconds from a scene in memory to the first sample, warm kernels: irradiance and importance tables."""
+    scene = scene_of(shot)
+    lightdepth.render(scene, camera="shot", samples=1, method=method)
+    began = time.perf_counter()
+    lightdepth.render(replace(scene), camera="shot", samples=1, method=method)
+    return time.perf_counter() - began

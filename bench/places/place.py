@@ -1,0 +1,204 @@
+"""A virtual place: its surfaces and lights, where it is photographed from, and what is put into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from bench.places.objects import Color, Point, rgb
+from lightdepth.cameras import Equirectangular, Perspective
+from lightdepth.directions import euler_rotation, look_at_rotation
+from lightdepth.scene.model import AnalyticShape, CameraView, Mesh, Panorama, RealSurface, Role, Scene, SyntheticObject
+
+
+@dataclass(frozen=True)
+class Part:
+    """A real surface: Lambertian, or a lamp.
+
+    Attributes:
+        name: unique in its place.
+        mesh: world, metres.
+        color: albedo per channel; black for lamps.
+        radiance: what it emits per channel; ``None`` for all but lamps.
+        role: what the user declares it.
+    """
+
+    name: str
+    mesh: Mesh
+    color: Color = (0.0, 0.0, 0.0)
+    radiance: Color | None = None
+    role: Role = Role.SUPPORT
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place to photograph, to put objects into, and to path-trace with and without them.
+
+    Attributes:
+        name: identifies it in results.
+        parts: the real surfaces as they are.
+        objects: what is inserted.
+        position: capture point, world, metres.
+        rotation: light space to world, XYZ Euler, degrees.
+        view: a camera about one metre away from the capture point.
+        sky: what lies outside, as entries of a Mitsuba scene dictionary; seen at infinity.
+        modelled: the surfaces as the user modelled them, where these are wrong on purpose; else ``None``.
+        capture_error: what the user's capture point is off by, metres.
+    """
+
+    name: str
+    parts: tuple[Part, ...]
+    objects: tuple[SyntheticObject, ...]
+    position: Point
+    rotation: Point
+    view: Perspective
+    sky: Sky | None = None
+    modelled: tuple[Part, ...] | None = None
+    capture_error: Point = (0.0, 0.0, 0.0)
+
+    def mitsuba_scene(self, objects: bool) -> dict[str, Any]:
+        """The place for stock Mitsuba, for ``mi.load_dict(..., optimize=False)``; Mitsuba must have been started.
+
+        Args:
+            objects: with the synthetic objects, whose keys then start with ``synthetic``, or without.
+        """
+        from lightdepth.kernel.shapes import mesh_shape
+
+        entries: dict[str, Any] = {"type": "scene"}
+        for index, part in enumerate(self.parts):
+            plugins: dict[str, Any] = {"bsdf": {"type": "diffuse", "reflectance": rgb(part.color)}}
+            if part.radiance is not None:
+                plugins["emitter"] = {"type": "area", "radiance": rgb(part.radiance)}
+            entries[f"real_{index}"] = mesh_shape(part.mesh, **loaded(plugins))
+        if self.sky is not None:
+            entries |= self.sky.mitsuba()
+        if objects:
+            entries |= mitsuba_objects(self.objects)
+        return entries
+
+    def camera(self, name: str, width: int) -> CameraView:
+        """The camera ``panorama`` (at the capture point) or ``view``, scaled to a width in pixels; posed in world."""
+        if name == "panorama":
+            panorama = Equirectangular(type="equirectangular", width=width)
+            return CameraView(panorama, np.asarray(self.position), euler_rotation(self.rotation))
+        position = np.asarray(self.view.position)
+        size = {"width": width, "height": width * self.view.height // self.view.width}
+        rotation = look_at_rotation(position, self.view.look_at)
+        return CameraView(self.view.model_copy(update=size), position, rotation)
+
+    def scene(self, panorama_width: int, panorama_samples: int = 512, view_width: int | None = None) -> Scene:
+        """What a user of lightdepth would have of the place: its photograph, its meshes, the objects.
+
+        Args:
+            panorama_width: pixels of the photograph, and of the camera ``panorama``.
+            panorama_samples: camera rays a pixel of the photograph, which is path-traced.
+            view_width: pixels of the camera ``view``; its own width by default.
+        """
+        from bench.truth import photograph
+
+        real = self.parts if self.modelled is None else self.modelled
+        return Scene(
+            panorama=Panorama(
+                radiance=photograph(self, panorama_width, panorama_samples).mean.astype(np.float32),
+                position=np.asarray(self.position) + np.asarray(self.capture_error),
+                rotation=euler_rotation(self.rotation),
+            ),
+            real=tuple(RealSurface(part.name, part.mesh, part.role) for part in real),
+            synthetic=self.objects,
+            cameras={
+                "panorama": self.camera("panorama", panorama_width),
+                "view": self.camera("view", view_width or self.view.width),
+            },
+        )
+
+    def with_support(self, names: tuple[str, ...]) -> Place:
+        """The place with only these parts as support."""
+
+        def declared(part: Part) -> Part:
+            return replace(part, role=Role.SUPPORT if part.name in names else Role.ENVIRONMENT)
+
+        return replace(self, parts=tuple(map(declared, self.parts)))
+
+    def empty(self) -> Place:
+        """The place without objects."""
+        return replace(self, objects=())
+
+
+@dataclass(frozen=True)
+class Sky:
+    """A sky that brightens toward the horizon, ground below it, and a sun.
+
+    Attributes:
+        zenith: radiance straight up.
+        horizon: radiance at the horizon.
+        ground: radiance below the horizon.
+        sun_direction: toward the sun, world.
+        sun_radiance: of the sun's disk.
+        sun_diameter: degrees.
+    """
+
+    zenith: Color
+    horizon: Color
+    ground: Color
+    sun_direction: Point
+    sun_radiance: Color
+    sun_diameter: float
+
+    def mitsuba(self) -> dict[str, Any]:
+        """The sky as an environment map and the sun as a far, glowing disk."""
+        import mitsuba as mi
+
+        height = 256
+        elevation = np.cos(np.pi * np.arange(height) / (height - 1))
+        share = np.clip(elevation, 0.0, 1.0)[:, None] ** 0.5
+        rows = share * np.asarray(self.zenith) + (1.0 - share) * np.asarray(self.horizon)
+        rows = np.where(elevation[:, None] < 0.0, np.asarray(self.ground), rows)
+        image = np.repeat(rows[:, None, :], 2 * height, axis=1).astype(np.float32)
+        distance = 2000.0
+        direction = np.asarray(self.sun_direction) / np.linalg.norm(self.sun_direction)
+        radius = distance * np.tan(np.radians(0.5 * self.sun_diameter))
+        transform = mi.ScalarTransform4f
+        to_world = transform().look_at(
+            origin=(distance * direction).tolist(), target=[0.0, 0.0, 0.0], up=[0.3, 0.2, 1.0]
+        ) @ transform().scale(float(radius))
+        return {
+            "sky": {
+                "type": "envmap",
+                "bitmap": mi.Bitmap(image),
+                "to_world": transform().rotate([1.0, 0.0, 0.0], 90.0),
+            },
+            "sun": {
+                "type": "disk",
+                "to_world": to_world,
+                "bsdf": {"type": "diffuse", "reflectance": rgb((0.0, 0.0, 0.0))},
+                "emitter": {"type": "area", "radiance": rgb(self.sun_radiance)},
+            },
+        }
+
+
+def mitsuba_objects(objects: tuple[SyntheticObject, ...]) -> dict[str, Any]:
+    """Synthetic objects as entries of a Mitsuba scene dictionary, with keys ``synthetic_0``, ``synthetic_1``, ..."""
+    import mitsuba as mi
+
+    from lightdepth.kernel.shapes import mesh_shape
+
+    entries: dict[str, Any] = {}
+    for part in (part for item in objects for part in item.parts):
+        name = f"synthetic_{len(entries)}"
+        plugins = part.material.plugins()
+        if isinstance(part.geometry, AnalyticShape):
+            to_world = mi.ScalarTransform4f(part.geometry.to_world)
+            entries[name] = {"type": part.geometry.kind, "to_world": to_world, **plugins}
+        else:
+            entries[name] = mesh_shape(part.geometry, **loaded(plugins))
+            entries[name].set_id(name)
+    return entries
+
+
+def loaded(plugins: dict[str, Any]) -> dict[str, Any]:
+    """Plugin dictionaries as Mitsuba objects, under the same keys."""
+    import mitsuba as mi
+
+    return {key: mi.load_dict(plugin) for key, plugin in plugins.items()}

@@ -1,0 +1,205 @@
+"""docs/benchmarks.md and its pictures, from the results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from bench.analysis import convergence, select, spread
+from bench.pictures import plot_convergence, show_side_by_side
+
+DOCS = Path(__file__).parents[1] / "docs"
+REGION_TITLES = {
+    "objects": "On objects",
+    "changed": "In shadow and bounce light on real surfaces",
+    "untouched": "Untouched (changed by less than 1 %)",
+    "influenced": "Objects and changed surfaces together",
+}
+INTRODUCTION = """# Benchmarks
+
+Written by `make bench`; the raw figures are in `bench/results/`. Every method is given the same photograph of a virtual
+place, the same model of it and the same objects, and is compared with full path tracing of the place with the objects in
+it (stock Mitsuba `path`, up to 32 path vertices, through the same camera).
+
+- Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and taken out of every
+  squared error.
+- All methods composite into the same plate, so that only what they add is compared.
+- *Bias* is the error that stays with more and more samples, *noise* that of one sample a pixel, both from a fit of
+  `error^2 = bias^2 + noise^2 / samples` over the budgets.
+- Times are medians of runs in turn on the same machine, warm, without loading the scene.
+- PSNR, SSIM and FLIP are of the sRGB image at one exposure a place.
+- *untouched* holds pixels of real surfaces that the objects change by less than 1 %: small changes there are real.
+
+"""
+
+
+def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str = "") -> Path:
+    """Write the page and its pictures.
+
+    Args:
+        results: of :func:`bench.run.run`, with images.
+        cost: of :func:`bench.cost.cost`, or ``None``.
+        note: a sentence about the circumstances, printed on top.
+    """
+    folder = DOCS / "images" / "benchmarks"
+    folder.mkdir(parents=True, exist_ok=True)
+    lines = [INTRODUCTION]
+    machine = results["machine"]
+    lines.append(
+        f"Machine: {machine['processor']}, {machine['threads']} threads, Python {machine['python']}; {machine['date']}; "
+        f"load before the run {machine['load_before']}.\n"
+    )
+    if note:
+        lines.append(f"**{note}**\n")
+    effort = results["effort"]
+    lines.append(
+        f"Photographs {effort['photograph'][0]} pixels wide with {effort['photograph'][1]} samples, truth with "
+        f"{effort['truth_samples']} samples, images {effort['cameras']}, budgets {list(effort['budgets'])} samples, "
+        f"{effort['repeats']} runs, object set `{effort['objects']}`.\n"
+    )
+    for place in effort["places"]:
+        lines.append(f"## {place}\n")
+        for camera in effort["cameras"]:
+            lines += _shot(results, place, camera, folder)
+        lines += _wrong_models(results, place)
+    if cost is not None:
+        lines += _cost(cost)
+    lines.append("## Settings of the methods\n")
+    lines += [f"- {results['labels'][key]}: {text}." for key, text in results["settings"].items()]
+    path = DOCS / "benchmarks.md"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = ["| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
+    lines += ["| " + " | ".join(row) + " |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _percent(value: float) -> str:
+    return f"{100.0 * value:.2f} %"
+
+
+def _seconds(value: float) -> str:
+    return "never" if math.isinf(value) else f"{value:.2g} s"
+
+
+def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Iterator[str]:
+    """Tables and pictures of the exact model through one camera."""
+    records = select(results["records"], place=place, camera=camera, model="exact")
+    largest = max(results["effort"]["budgets"])
+    yield f"### {place}, camera `{camera}`\n"
+    name = f"{place}_{camera}"
+    show_side_by_side(results, place, camera, "exact", folder / f"{name}.png")
+    plot_convergence(results, place, camera, folder / f"{name}_convergence.png")
+    yield (
+        f"![Truth and the methods at {largest} samples; below, signed relative error]"
+        f"(images/benchmarks/{name}.png)\n\n![Convergence](images/benchmarks/{name}_convergence.png)\n"
+    )
+    for region, title in REGION_TITLES.items():
+        rows = []
+        for denoised in (False, True):
+            for method, label in results["labels"].items():
+                found = select(records, method=method, denoised=denoised)
+                final = [record for record in select(found, samples=largest) if region in record["measures"]]
+                if not final:
+                    continue
+                measures = final[0]["measures"][region]
+                fitted = convergence(found, region)
+                flip = measures["flip"]
+                rows.append(
+                    [
+                        label + (", denoised" if denoised else ""),
+                        spread(final[0]["seconds"]),
+                        _percent(measures["signed"]),
+                        _percent(measures["rmse"]),
+                        f"{measures['relative_mse']:.4f}",
+                        _percent(measures["block_rmse"]),
+                        _percent(fitted.bias) if fitted else "",
+                        _percent(fitted.noise) if fitted else "",
+                        f"{measures['psnr']:.1f}",
+                        f"{measures['ssim']:.3f}",
+                        "" if flip is None else f"{flip:.4f}",
+                    ]
+                )
+        if rows:
+            yield f"**{title}**, {largest} samples:\n"
+            yield _table(
+                [
+                    "method",
+                    "seconds",
+                    "signed",
+                    "RMSE",
+                    "relMSE",
+                    "RMSE of 8x8",
+                    "bias",
+                    "noise",
+                    "PSNR",
+                    "SSIM",
+                    "FLIP",
+                ],
+                rows,
+            )
+    yield from _time_to_error(results, records)
+
+
+def _time_to_error(results: dict[str, Any], records: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """Time that each method needs for the error that ``difference`` has at its smallest and largest budget."""
+    rows = []
+    for region in ("objects", "changed"):
+        ours = convergence(select(records, method="difference", denoised=False), region)
+        if ours is None:
+            continue
+        for samples in (min(results["effort"]["budgets"]), max(results["effort"]["budgets"])):
+            error = math.sqrt(ours.bias**2 + ours.noise**2 / samples)
+            row = [region, _percent(error)]
+            for method in results["labels"]:
+                fitted = convergence(select(records, method=method, denoised=False), region)
+                if fitted is None:
+                    row.append("")
+                    continue
+                needed, own = fitted.seconds_to(error), ours.seconds_to(error)
+                ratio = "" if math.isinf(needed) else f" ({needed / own:.1f}x)"
+                row.append(_seconds(needed) + ratio)
+            rows.append(row)
+    if rows:
+        yield "Time to equal error (from the fits; *never*: the bias alone is larger), in brackets against `difference`:\n"
+        yield _table(["region", "error", *results["labels"].values()], rows)
+
+
+def _wrong_models(results: dict[str, Any], place: str) -> Iterator[str]:
+    """How the product's methods fare with a wrong model of the place."""
+    records = select(results["records"], place=place, camera="view", denoised=False)
+    largest = max(results["effort"]["budgets"])
+    models = list(dict.fromkeys(record["model"] for record in records))
+    rows = []
+    for model in models:
+        for method, label in results["labels"].items():
+            found = select(records, model=model, method=method, samples=largest)
+            if found and (method in ("difference", "directional", "envpath")):
+                row = [model, label]
+                for region in ("objects", "changed"):
+                    measures = found[0]["measures"].get(region)
+                    row += (
+                        ["", ""]
+                        if measures is None
+                        else [_percent(measures["signed"]), _percent(measures["block_rmse"])]
+                    )
+                rows.append(row)
+    if rows:
+        yield f"### {place}: wrong models\n"
+        yield _table(
+            ["model", "method", "objects: signed", "objects: RMSE of 8x8", "changed: signed", "changed: RMSE of 8x8"],
+            rows,
+        )
+
+
+def _cost(cost: dict[str, Any]) -> Iterator[str]:
+    """What rendering costs."""
+    yield "## Cost\n"
+    for table in cost["tables"]:
+        yield f"**{table['title']}**\n"
+        yield _table(table["head"], table["rows"])

@@ -1,0 +1,236 @@
+"""Truth: stock Mitsuba's ``path`` through lightdepth's cameras, with the variance of every pixel, cached by content."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel
+
+from bench.places.place import Place
+from lightdepth.kernel.start import start
+from lightdepth.scene.model import CameraView
+
+CACHE = Path(__file__).parent / "results" / "cache"
+MAX_DEPTH = 32
+LANES = 1 << 22
+"""Camera rays of one pass: bounds memory, whatever the size and the number of samples."""
+CACHE_FORMAT = 1
+"""Part of every cache key; raise it when the code below changes what it computes."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A path-traced image.
+
+    Attributes:
+        mean: radiance, linear RGB, shape (height, width, 3), float64; box-filtered pixels.
+        variance: of ``mean``, the same shape, from the spread of the passes.
+        coverage: share of each pixel whose camera rays meet a synthetic object first, shape (height, width), float64.
+        samples: camera rays a pixel.
+        seconds: what it took, without loading and compiling.
+    """
+
+    mean: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    coverage: NDArray[np.float64]
+    samples: int
+    seconds: float
+
+
+def path_trace(
+    scene: Any,
+    view: CameraView,
+    samples: int,
+    seed: int = 0,
+    max_depth: int = MAX_DEPTH,
+    with_coverage: bool = True,
+    progress: Callable[[int, int], None] | None = None,
+) -> Estimate:
+    """Path-trace a loaded Mitsuba scene through a posed lightdepth camera.
+
+    Args:
+        scene: ``mi.Scene``; shapes whose id starts with ``synthetic`` count as covered.
+        view: the camera.
+        samples: camera rays a pixel, rounded up to whole passes; at least two passes are made.
+        seed: of the random numbers.
+        max_depth: path length of Mitsuba's ``path`` (its counting: 2 is direct light).
+        with_coverage: whether coverage is wanted; it is 0 otherwise.
+        progress: called after each pass with the samples done and to be done.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    width, height = view.camera.resolution
+    pixels = width * height
+    sampler = mi.load_dict(
+        {"type": "multijitter", "sample_count": int(max(1, min(LANES // pixels, (samples + 1) // 2)))}
+    )
+    per_pass = int(sampler.sample_count())  # The sampler rounds up to a grid of strata.
+    passes = max(2, -(-samples // per_pass))
+    integrator = mi.load_dict({"type": "path", "max_depth": max_depth})
+    mean = np.zeros((height, width, 3))
+    spread = np.zeros((height, width, 3))
+    began = time.perf_counter()
+    for index in range(passes):
+        ray, inside = film_rays(view, sampler, per_pass, seed * 65536 + index)
+        radiance, _, _ = integrator.sample(scene, sampler, ray, active=inside)
+        radiance = dr.select(inside, radiance, 0.0)
+        dr.eval(radiance)  # At once: summing evaluates its argument, and would trace the paths again for each channel.
+        channels = [np.asarray(dr.block_sum(channel, per_pass), dtype=np.float64) for channel in radiance]
+        image = np.stack(channels, axis=-1).reshape(height, width, 3) / per_pass
+        if index == 0:
+            first = time.perf_counter() - began
+        delta = image - mean
+        mean += delta / (index + 1)
+        spread += delta * (image - mean)
+        if progress is not None:
+            progress((index + 1) * per_pass, passes * per_pass)
+    seconds = (time.perf_counter() - began - first) * passes / (passes - 1)
+    covered = coverage(scene, view) if with_coverage else np.zeros((height, width))
+    return Estimate(mean, spread / (passes * (passes - 1)), covered, passes * per_pass, seconds)
+
+
+def film_rays(view: CameraView, sampler: Any, per_pixel: int, seed: int) -> tuple[Any, Any]:
+    """Camera rays in world through every pixel, box-filtered.
+
+    Args:
+        view: the camera.
+        sampler: a Mitsuba sampler; it is seeded here.
+        per_pixel: rays a pixel; those of one pixel are neighbours.
+        seed: of the random numbers.
+
+    Returns:
+        ``(mi.RayDifferential3f, inside)`` as :meth:`lightdepth.cameras.Camera.camera_rays` has it.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+
+    width, height = view.camera.resolution
+    to_world, origin = opaque_matrix(view.rotation), opaque_point(view.position)
+    sampler.set_samples_per_wavefront(per_pixel)
+    sampler.seed(seed, width * height * per_pixel)
+    index = dr.arange(mi.UInt32, width * height * per_pixel) // dr.opaque(mi.UInt32, per_pixel)
+    film = (mi.Point2f(index % width, index // width) + sampler.next_2d()) / mi.Point2f(width, height)
+    start_point, direction, inside = view.camera.camera_rays(film, sampler.next_2d())
+    return mi.RayDifferential3f(to_world @ mi.Vector3f(start_point) + origin, to_world @ direction), inside
+
+
+def coverage(scene: Any, view: CameraView) -> NDArray[np.float64]:
+    """Share of each pixel whose camera rays meet a synthetic object first, shape (height, width)."""
+    import drjit as dr
+    import mitsuba as mi
+
+    width, height = view.camera.resolution
+    sampler = mi.load_dict({"type": "multijitter", "sample_count": 16})
+    ray, inside = film_rays(view, sampler, 16, seed=0)
+    first = scene.ray_intersect_preliminary(mi.Ray3f(ray), active=inside).shape
+    covered = dr.zeros(mi.Float, width * height * 16)
+    for shape in scene.shapes():
+        if shape.id().startswith("synthetic"):
+            covered = dr.select(inside & (first == mi.ShapePtr(shape)), 1.0, covered)
+    return np.asarray(dr.block_sum(covered, 16), dtype=np.float64).reshape(height, width) / 16
+
+
+def content_hash(*values: Any) -> str:
+    """A hash of data: numbers, text, arrays, tuples, mappings, dataclasses and pydantic models."""
+    digest = hashlib.sha256()
+
+    def feed(value: Any) -> None:
+        digest.update(type(value).__name__.encode())
+        if dataclasses.is_dataclass(value) and not isinstance(value, type):
+            for field in dataclasses.fields(value):
+                feed(getattr(value, field.name))
+        elif isinstance(value, BaseModel):
+            feed(value.model_dump())
+        elif isinstance(value, np.ndarray):
+            digest.update(f"{value.shape}{value.dtype}".encode())
+            digest.update(np.ascontiguousarray(value).tobytes())
+        elif isinstance(value, dict):
+            for key in sorted(value):
+                feed(key)
+                feed(value[key])
+        elif isinstance(value, list | tuple):
+            digest.update(str(len(value)).encode())
+            for item in value:
+                feed(item)
+        else:
+            digest.update(repr(value).encode())
+
+    for value in values:
+        feed(value)
+    return digest.hexdigest()[:24]
+
+
+def cached(key: str, make: Callable[[], Estimate]) -> Estimate:
+    """An estimate from the cache, made and stored there if it is not in it."""
+    path = CACHE / f"{key}.npz"
+    if path.is_file():
+        with np.load(path) as stored:
+            return Estimate(
+                stored["mean"].astype(np.float64),
+                stored["variance"].astype(np.float64),
+                stored["coverage"].astype(np.float64),
+                int(stored["samples"]),
+                float(stored["seconds"]),
+            )
+    estimate = make()
+    CACHE.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_suffix(".unfinished.npz")
+    np.savez_compressed(
+        unfinished,
+        mean=estimate.mean.astype(np.float32),
+        variance=estimate.variance.astype(np.float32),
+        coverage=estimate.coverage.astype(np.float32),
+        samples=estimate.samples,
+        seconds=estimate.seconds,
+    )
+    unfinished.replace(path)
+    return estimate
+
+
+def truth(place: Place, camera: str, width: int, samples: int, objects: bool = True, seed: int = 1) -> Estimate:
+    """The place path-traced, with or without its objects, from the cache where it is there.
+
+    Args:
+        place: what is rendered.
+        camera: ``panorama`` or ``view``.
+        width: pixels.
+        samples: camera rays a pixel.
+        objects: with or without the objects.
+        seed: of the random numbers; the photograph uses another one, so that the two are independent.
+    """
+    seen = place if objects else place.empty()
+    posed = place.camera(camera, width)
+    surfaces = tuple((part.mesh.vertices, part.mesh.faces, part.color, part.radiance) for part in seen.parts)
+    key = content_hash(CACHE_FORMAT, MAX_DEPTH, surfaces, seen.objects, seen.sky, posed, samples, seed)
+
+    start()
+
+    def make() -> Estimate:
+        import mitsuba as mi
+
+        scene = mi.load_dict(place.mitsuba_scene(objects), optimize=False)
+        return path_trace(scene, posed, samples, seed)
+
+    return cached(key, make)
+
+
+def photograph(place: Place, width: int, samples: int) -> Estimate:
+    """What a camera at the capture point sees of the empty place: the panorama that lightdepth is given.
+
+    Args:
+        place: its objects do not matter.
+        width: pixels.
+        samples: camera rays a pixel.
+    """
+    return truth(place, "panorama", width, samples, objects=False, seed=2)

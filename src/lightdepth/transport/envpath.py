@@ -1,0 +1,246 @@
+"""ENVPath: the integrator of the paper, by its algorithms 1 and 2 and its table 1.
+
+A support point is not changed but rendered anew, by an estimator that converges to the photograph where nothing new is
+near (paper, eq. 5 and 6). Where the printed equations do not close, docs/theory.md ("envpath") says what is done instead;
+the numbers in brackets below refer to its list of deviations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from lightdepth.directions import pixel_solid_angles
+from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
+from lightdepth.kernel.tracing import TracedSurfaces, leave
+from lightdepth.lightmap.building import build_light_depth_map
+from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
+from lightdepth.scene.model import Panorama, Scene
+from lightdepth.transport.bounds import ObjectBounds
+from lightdepth.transport.difference import CameraSamples
+from lightdepth.transport.place import Place
+from lightdepth.transport.randoms import Randoms
+
+LIGHTS = 256
+"""K, the lights of the median cut (paper, section 5.5)."""
+LONGEST_EDGE = 0.25
+"""Metres; support meshes are cut this fine, since the scale factor is known at vertices only."""
+SMALLEST_SHARE = 1e-3
+"""Smallest denominator of eq. 8, as a share of its numerator: vertices that hardly any light faces."""
+ROULETTE_DEPTH, LARGEST_SURVIVAL = 3, 0.95
+
+
+def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurfaces:
+    """The real surfaces with ``ES`` (paper, eq. 8) in all channels of ``irradiance``.
+
+    Args:
+        scene: for its light-depth map.
+        surfaces: as modelled; support faces are cut and turned toward the capture point.
+    """
+    chosen = surfaces.kind != FaceKind.ENVIRONMENT
+    if not chosen.any():
+        return surfaces
+    light_depth_map = build_light_depth_map(scene)
+    lights = median_cut(scene.panorama.radiance, light_depth_map.depth, LIGHTS)
+    vertices, faces, parent = trimesh.remesh.subdivide_to_size(
+        surfaces.vertices[surfaces.faces[chosen]].reshape(-1, 3),
+        np.arange(3 * int(chosen.sum())).reshape(-1, 3),
+        LONGEST_EDGE,
+        max_iter=20,
+        return_index=True,
+    )
+    vertices = vertices.astype(np.float32)
+    normals = face_normals(vertices, faces)
+    away = np.einsum("ij,ij->i", normals, vertices[faces[:, 0]] - scene.panorama.position) > 0.0
+    faces = np.where(away[:, None], faces[:, ::-1], faces)
+    # Every face has vertices of its own: the scale factor jumps where the normal does.
+    corners = vertices[faces].reshape(-1, 3)
+    corner_normals = np.repeat(np.where(away[:, None], -normals, normals), 3, axis=0)
+    factors = _scale_factors(corners, corner_normals, scene.panorama, lights.position, lights.direction, lights.power)
+    offset = len(surfaces.vertices)
+    return replace(
+        surfaces,
+        vertices=np.concatenate([surfaces.vertices, corners]),
+        rest=np.concatenate([surfaces.rest, corners]),
+        irradiance=np.concatenate([surfaces.irradiance, np.repeat(factors[:, None], 3, axis=1)]).astype(np.float32),
+        faces=np.concatenate(
+            [surfaces.faces[~chosen], np.arange(len(corners), dtype=np.int32).reshape(-1, 3) + offset]
+        ),
+        kind=np.concatenate([surfaces.kind[~chosen], np.full(len(faces), FaceKind.SUPPORT, np.uint32)]),
+        gloss=np.concatenate([surfaces.gloss[~chosen], surfaces.gloss[chosen][parent]]),
+    )
+
+
+def _scale_factors(
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    panorama: Panorama,
+    positions: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    powers: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """``ES(p, n)`` of eq. 8 at points of support surfaces, shape (n,).
+
+    Args:
+        points: world, metres, shape (n, 3).
+        normals: unit, shape (n, 3).
+        panorama: for its pose.
+        positions: of the lights, light space, metres, shape (k, 3); not finite where the light is sky.
+        directions: of the lights from the capture point, light space, shape (k, 3).
+        powers: of the lights, RGB, shape (k, 3).
+    """
+    power = powers @ LUMINANCE
+    facing = np.zeros(len(points))
+    for position, direction, weight in zip(positions, directions, power, strict=True):
+        if np.isfinite(position).all():
+            toward = panorama.rotation @ position + panorama.position - points
+            toward /= np.maximum(np.linalg.norm(toward, axis=1, keepdims=True), 1e-9)
+        else:
+            toward = np.broadcast_to(panorama.rotation @ direction, points.shape)
+        facing += weight * np.maximum(np.einsum("ij,ij->i", toward, normals), 0.0)
+    total = power.sum()
+    return total / np.maximum(facing, SMALLEST_SHARE * total)
+
+
+class EnvpathIntegrator:
+    """The paper's method.
+
+    Args:
+        place: the photographed place.
+        surfaces: real and synthetic surfaces; the support's irradiance holds its scale factors.
+        panorama: the photograph.
+        bounds: the objects' bounds, or ``None`` without objects; the film asks for them.
+        max_bounces: ``MaxLength`` of algorithm 1, in scatterings; negative for no limit.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        surfaces: TracedSurfaces,
+        panorama: Panorama,
+        bounds: ObjectBounds | None = None,
+        max_bounces: int = 8,
+    ) -> None:
+        self.place = place
+        self.bounds = bounds
+        self.surfaces = surfaces
+        self._capture = mi.Vector3f(opaque_point(panorama.position))
+        self._to_light = opaque_matrix(panorama.rotation.T)
+        self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
+        angles = pixel_solid_angles(*panorama.radiance.shape[:2])
+        total = float((panorama.radiance.mean(axis=1) @ LUMINANCE) @ angles * panorama.radiance.shape[1])
+        self.total_luminance = dr.opaque(mi.Float, total)
+        self.has_emitters = len(surfaces.all.emitters()) > 0
+
+    @dr.syntax
+    def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
+        """Algorithm 1 along each camera ray.
+
+        Args:
+            randoms: random numbers of the paths; advanced.
+            ray: camera rays, world.
+            active: rays outside the camera's image are not followed.
+        """
+        ray, active = mi.Ray3f(ray), mi.Bool(active)
+        radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
+        photograph = mi.Color3f(0.0)
+        synthetic_path, first, covered = mi.Bool(False), mi.Bool(True), mi.Bool(False)
+        previous, previous_pdf = mi.Point3f(ray.o), mi.Float(0.0)
+        depth = mi.UInt32(0)
+        context = mi.BSDFContext()
+
+        while active:
+            found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+            on_real = active & self.surfaces.is_real(found)
+            on_synthetic = active & found.is_valid() & ~on_real
+            hit = self.surfaces.real_hit(ray, found, on_real)
+            on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & (dr.dot(hit.normal, ray.d) < 0.0)
+            on_environment = active & ~on_synthetic & ~on_support
+            si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+
+            # Lines 8 to 11, eq. 4. At i = 0 this is the plate, which the film has already.
+            seen, map_pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - previous), on_environment)
+            arrived = on_environment & synthetic_path
+            weight = dr.select(previous_pdf > 0.0, previous_pdf / (previous_pdf + map_pdf), 1.0)  # (4)
+            radiance += dr.select(arrived, throughput * seen * weight, 0.0)
+            active &= ~on_environment
+
+            # Lines 12 and 13.
+            synthetic_path |= on_synthetic
+            covered |= first & on_synthetic
+            if dr.hint(self.has_emitters, mode="scalar"):
+                emitter = si.emitter(self.surfaces.all, on_synthetic)
+                shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
+                radiance += dr.select(shines, throughput * emitter.eval(si, shines), 0.0)  # (6)
+            active &= depth < self.max_bounces
+            on_support &= active
+            on_synthetic &= active
+
+            # Line 16: algorithm 2.
+            point = dr.select(on_synthetic, si.p, hit.point)
+            normal = dr.select(on_synthetic, si.n, hit.normal)
+            bsdf = si.bsdf(ray)
+            own = self.place.surface_radiance(hit, on_support)
+            factor = self.surfaces.irradiance(hit, on_support).x
+            photograph = dr.select(first & on_support, own, photograph)
+            direct_support = on_support & (synthetic_path | first)
+            number = dr.select(first, randoms.spread("light")[0], randoms.next(active))
+            light = self.place.light(number, active)
+            direction, distance, pdf = self.place.toward(light, point)
+            shadow_ray = leave(point, normal, direction)
+            real_end = dr.select(light.finite, distance * 0.999, dr.inf)
+
+            # Eq. 5 with the luminance that eq. 7 weights by (1); light and measure are those of the capture point (2).
+            from_capture = dr.select(light.finite, dr.normalize(light.place - self._capture), light.place)
+            light_direction = self._to_light @ from_capture
+            light_radiance, light_pdf = self.place.map.radiance_and_pdf(light_direction)
+            share = _luminance(light_radiance) / (self.total_luminance * dr.maximum(light_pdf, 1e-20))
+            cosine = dr.maximum(dr.dot(direction, hit.normal), 0.0)
+            value_support = own * (factor * cosine * share)
+            # Eq. 3, with the density that the light has as seen from the point (4).
+            value, bsdf_pdf = bsdf.eval_pdf(context, si, si.to_local(direction), on_synthetic)
+            value *= light.radiance / dr.maximum(pdf + bsdf_pdf, 1e-20)
+            useful = (direct_support & (light_pdf > 0.0)) | (on_synthetic & (pdf > 0.0))
+            shadow_ray.maxt = real_end
+            blocked = self.surfaces.synthetic.ray_test(shadow_ray, coherent=False, active=useful)
+            shadow_ray.maxt = dr.inf
+            # Table 1: from synthetic points, what lies on support or behind it comes along sampled paths.
+            behind = self.surfaces.first_real(shadow_ray, useful & on_synthetic & ~blocked)
+            blocked |= on_synthetic & behind.valid & (behind.kind != int(FaceKind.ENVIRONMENT))
+            value = dr.select(on_synthetic, value, value_support)
+            radiance += dr.select(useful & ~blocked, throughput * value, 0.0)
+
+            # Lines 18 to 26.
+            choice, x, y = randoms.direction(first, active)
+            position = mi.Point2f(x, y)
+            drawn, weight_bsdf = bsdf.sample(context, si, choice, position, on_synthetic)
+            support_direction = mi.Frame3f(hit.normal).to_world(mi.warp.square_to_cosine_hemisphere(position))
+            direction = dr.select(on_synthetic, si.to_world(drawn.wo), support_direction)
+            attenuation = dr.minimum(own * (factor * dr.pi / self.total_luminance), 1.0)  # (3)
+            throughput *= dr.select(on_synthetic, weight_bsdf, attenuation)
+            smooth = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
+            # Light sampling reaches environment from synthetic points only.
+            previous_pdf = dr.select(on_synthetic & ~smooth, drawn.pdf, 0.0)
+            previous = point
+            first = mi.Bool(False)
+            depth += 1
+            survival = dr.select(depth >= ROULETTE_DEPTH, dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL), 1.0)
+            active &= randoms.next(active) < survival
+            throughput *= dr.rcp(dr.maximum(survival, 1e-6))
+            active &= dr.max(throughput) > 0.0
+            ray = leave(point, normal, direction)
+
+        # The film adds the plate; what the support point sends now less what it sent before is the change.
+        change = dr.select(covered, 0.0, radiance - photograph)
+        return CameraSamples(change, dr.select(covered, radiance, 0.0), covered)
+
+
+def _luminance(color: mi.Color3f) -> mi.Float:
+    red, green, blue = (float(weight) for weight in LUMINANCE)
+    return red * color.x + green * color.y + blue * color.z

@@ -1,0 +1,72 @@
+"""In light that is the same from everywhere nothing can be seen that neither absorbs nor glows."""
+
+import numpy as np
+import pytest
+
+import lightdepth
+from lightdepth.scene.materials import Glass, Metal, MitsubaBsdf, Principled
+from lightdepth.scene.model import Gloss
+from tests.transport.places import WHITE, ball, room, with_floor_alone_as_support
+
+MIRROR = MitsubaBsdf(type="mitsuba", mitsuba={"type": "conductor", "material": "none"})
+LOSSLESS = {
+    "diffuse": WHITE,
+    "mirror": MIRROR,
+    "glass": Glass(type="glass", ior=1.5),
+}
+LOSSY = {
+    "metal": Metal(type="metal", name="Ag", roughness=0.3),
+    "rough glass": Glass(type="glass", ior=1.5, roughness=0.3),
+    "principled": Principled(type="principled", base_color=(1.0, 1.0, 1.0), roughness=0.5),
+    "principled metal": Principled(type="principled", base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=0.3),
+}
+
+
+@pytest.mark.parametrize("camera", ["pano", "dome", "view"])
+@pytest.mark.parametrize("method", ["difference", "directional"])
+def test_a_constant_map_without_objects_is_constant(camera, method):
+    frame = lightdepth.render(room(0.7), camera, samples=4, method=method)
+    np.testing.assert_allclose(frame.beauty[frame.alpha == 1], np.float32(0.7), rtol=1e-6)
+
+
+def furnace(material, camera="view", method="difference", gloss=None, samples=64):
+    """Only the floor is support: a closed room of white support would keep light for ever."""
+    scene = with_floor_alone_as_support(room(1.0, [ball(material)], gloss=gloss, max_bounces=200))
+    return lightdepth.render(scene, camera, samples=samples, method=method)
+
+
+@pytest.mark.parametrize("camera", ["pano", "dome", "view"])
+@pytest.mark.parametrize("method", ["difference", "directional"])
+def test_a_white_ball_is_invisible(camera, method):
+    frame = furnace(WHITE, camera, method)
+    inside = frame.alpha == 1
+    assert frame.beauty[inside].mean() == pytest.approx(1.0, abs=0.003)
+    assert frame.beauty[frame.coverage == 1].mean() == pytest.approx(1.0, abs=0.01)
+    blocks = frame.beauty[inside][: inside.sum() // 64 * 64].reshape(-1, 64, 3).mean(axis=(1, 2))
+    np.testing.assert_allclose(blocks, 1.0, atol=0.03)
+
+
+@pytest.mark.parametrize("name", LOSSLESS)
+def test_lossless_materials_are_invisible(name):
+    frame = furnace(LOSSLESS[name])
+    seen = frame.coverage == 1
+    assert seen.sum() > 20
+    assert frame.beauty[seen].mean() == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("name", LOSSY)
+def test_other_materials_absorb_and_never_add(name):
+    frame = furnace(LOSSY[name])
+    assert 0.5 < frame.beauty[frame.coverage == 1].mean() < 1.01
+
+
+def test_a_glossy_support_counts_its_reflection_once():
+    frame = furnace(WHITE, gloss=Gloss(roughness=0.3, specular=0.5))
+    assert frame.beauty.mean() == pytest.approx(1.0, abs=0.005)
+
+
+def test_a_white_room_of_support_keeps_all_light():
+    """The hardest case: nothing absorbs, so paths on support end by roulette alone."""
+    scene = room(1.0, [ball(WHITE)], max_bounces=200)
+    frame = lightdepth.render(scene, "view", samples=256)
+    assert frame.beauty.mean() == pytest.approx(1.0, abs=0.05)

@@ -1,0 +1,105 @@
+"""Comparing a rendering with full path tracing, pixel by pixel, and leaving the pictures behind where they differ."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from bench.measures import display, find_regions
+from bench.places import Place
+from bench.truth import Estimate, truth
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+import lightdepth
+from lightdepth.images.exr import ExrPart, write_exr
+from lightdepth.images.png import write_png
+
+OUTPUT = Path(__file__).parents[2] / "test-output"
+SIGNIFICANCE = 0.01
+"""Of the Z-tests of all pixels together (Sidak's correction), as Mitsuba's own image tests have it."""
+
+
+@dataclass(frozen=True)
+class Size:
+    """How much an agreement test spends: widths in pixels, samples a pixel."""
+
+    photograph: int
+    photograph_samples: int
+    width: int
+    truth_samples: int
+    samples: int
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """How a rendering compares with truth over the pixels that the objects influence.
+
+    Attributes:
+        signed: mean signed error over mean radiance.
+        signed_error: standard error of ``signed``, from the variances of both images.
+        passed: share of pixels whose channels all pass the Z-test.
+        image: the rendering, composited into the path-traced empty place.
+        reference: the truth.
+    """
+
+    signed: float
+    signed_error: float
+    passed: float
+    image: NDArray[np.float64]
+    reference: NDArray[np.float64]
+
+
+def compare(place: Place, camera: str, method: str, size: Size) -> Agreement:
+    """Render a place's photograph with its objects, and compare.
+
+    What is tested is the light that the method adds, so it is added to the path-traced empty place: the plate itself is
+    the photograph, whose resampling is tested elsewhere.
+    """
+    full = truth(place, camera, size.width, size.truth_samples)
+    empty = truth(place, camera, size.width, size.truth_samples, objects=False, seed=3)
+    scene = place.scene(size.photograph, size.photograph_samples)
+    scene = replace(scene, cameras={camera: place.camera(camera, size.width)})
+    scene = replace(scene, render=replace(scene.render, max_bounces=32))
+    frame = lightdepth.render(scene, camera=camera, samples=size.samples, method=method, seed=5)
+    image = empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
+    variance = full.variance + empty.variance + frame.variance
+    return _agreement(image, full, empty.mean, variance)
+
+
+def _agreement(
+    image: NDArray[np.float64], full: Estimate, empty: NDArray[np.float64], variance: NDArray[np.float64]
+) -> Agreement:
+    influenced = find_regions(full, empty)["influenced"]
+    error = (image - full.mean)[influenced]
+    total = full.mean[influenced].sum()
+    z = np.abs(error) / np.sqrt(np.maximum(variance[influenced], 1e-20))
+    allowed = norm.isf(0.5 * (1.0 - (1.0 - SIGNIFICANCE) ** (1.0 / z.size)))
+    return Agreement(
+        float(error.sum() / total),
+        float(np.sqrt(variance[influenced].sum()) / total),
+        float((z < allowed).all(axis=-1).mean()),
+        image,
+        full.mean,
+    )
+
+
+def leave_behind(agreement: Agreement, name: str) -> Path:
+    """Write image, reference and error map under ``test-output/``, as EXR with parts and as PNG side by side."""
+    OUTPUT.mkdir(exist_ok=True)
+    error = agreement.image - agreement.reference
+    parts = {"image": agreement.image, "reference": agreement.reference, "error": error}
+    path = OUTPUT / f"{name}.exr"
+    write_exr(
+        path,
+        [
+            ExrPart({c: np.ascontiguousarray(pixels[..., i], np.float32) for i, c in enumerate("RGB")}, part)
+            for part, pixels in parts.items()
+        ],
+    )
+    exposure = 0.4 / float(np.median(agreement.reference))
+    shown = [display(exposure * agreement.image), display(exposure * agreement.reference)]
+    shown.append(np.clip(0.5 + 2.0 * exposure * error, 0.0, 1.0))
+    write_png(path.with_suffix(".png"), (255.0 * np.concatenate(shown, axis=1) + 0.5).astype(np.uint8))
+    return path

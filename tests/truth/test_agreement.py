@@ -1,0 +1,45 @@
+"""The method against full path tracing of the same room (theory, section 5): exact geometry, Lambertian surfaces."""
+
+import pytest
+from agreement import Agreement, Size, compare, leave_behind
+from bench.places import PLACES, lamp_and_window
+
+SMALL = Size(photograph=128, photograph_samples=512, width=64, truth_samples=400, samples=64)
+LARGE = Size(photograph=512, photograph_samples=1024, width=160, truth_samples=2048, samples=256)
+LARGEST_SIGNED = 0.005
+SMALLEST_SHARE = 0.995
+
+
+def agrees(agreement: Agreement) -> bool:
+    return abs(agreement.signed) <= LARGEST_SIGNED and agreement.passed >= SMALLEST_SHARE
+
+
+def require_agreement(agreement: Agreement, name: str) -> None:
+    if not agrees(agreement):
+        path = leave_behind(agreement, name)
+        pytest.fail(
+            f"signed error {agreement.signed:+.3%} +- {agreement.signed_error:.3%}, allowed {LARGEST_SIGNED:.1%}; "
+            f"Z-test passed by {agreement.passed:.2%} of pixels, at least {SMALLEST_SHARE:.1%} wanted; see {path}"
+        )
+
+
+@pytest.mark.parametrize("camera", ["panorama", "view"])
+def test_difference_agrees_with_path_tracing(camera: str) -> None:
+    agreement = compare(lamp_and_window("matte"), camera, "difference", SMALL)
+    require_agreement(agreement, f"difference_{camera}")
+
+
+@pytest.mark.parametrize("camera", ["panorama", "view"])
+def test_directional_fails_the_same_test(camera: str) -> None:
+    agreement = compare(lamp_and_window("matte"), camera, "directional", SMALL)
+    assert not agrees(agreement)
+    assert agreement.passed < SMALLEST_SHARE
+
+
+@pytest.mark.truth
+@pytest.mark.parametrize("camera", ["panorama", "view"])
+@pytest.mark.parametrize("objects", ["matte", "mixed", "lamp"])
+@pytest.mark.parametrize("name", sorted(PLACES))
+def test_difference_agrees_in_every_place(name: str, objects: str, camera: str) -> None:
+    agreement = compare(PLACES[name](objects), camera, "difference", LARGE)
+    require_agreement(agreement, f"difference_{name}_{objects}_{camera}")
