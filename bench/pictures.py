@@ -14,7 +14,7 @@ from bench.analysis import select
 from bench.measures import display
 
 mpl.use("Agg")
-import matplotlib.pyplot as plt  # noqa: E402 - the backend must be chosen first
+import matplotlib.pyplot as plt
 
 ERROR_RANGE = 0.5
 """Relative error that the error maps show in full colour."""

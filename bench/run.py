@@ -126,7 +126,7 @@ def run(effort: Effort, console: Console) -> dict[str, Any]:
             "python": platform.python_version(),
             "date": began.isoformat(timespec="minutes"),
         },
-        "effort": {key: value for key, value in vars(effort).items()},
+        "effort": dict(vars(effort).items()),
         "settings": {key: method.settings for key, method in methods.items()},
         "labels": {key: method.label for key, method in methods.items()},
         "records": records,

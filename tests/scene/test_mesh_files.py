@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from lightdepth.errors import InputError
 from lightdepth.scene import load_scene
@@ -106,8 +107,6 @@ Ke 2 0 0
 
 
 def test_obj_materials_are_carried_roughly(tmp_path):
-    from PIL import Image
-
     Image.fromarray(np.full((2, 2, 3), 255, np.uint8)).save(tmp_path / "picture.png")
     (tmp_path / "a.obj").write_text(OBJ)
     (tmp_path / "a.mtl").write_text(MTL)
@@ -213,3 +212,13 @@ def test_parts_of_a_real_file_become_one_mesh(write_scene, scene_folder):
     mesh = load_scene(write_scene(real=real)).real[0].mesh
     np.testing.assert_allclose([mesh.vertices.min(0), mesh.vertices.max(0)], [[-0.5] * 3, [3.5, 0.5, 0.5]])
     assert mesh.faces.max() < len(mesh.vertices)
+
+
+def test_an_image_needs_texture_coordinates(write_scene, scene_folder):
+    Image.fromarray(np.zeros((2, 2, 3), np.uint8)).save(scene_folder / "a.png")
+    with pytest.raises(
+        InputError, match=r'\[\[synthetic\]\] 1 \("a"\): the material has an image, but the mesh has no tex'
+    ):
+        load_scene(
+            write_scene('[[synthetic]]\nname = "a"\nmesh = "floor.ply"\nmaterial = {type="diffuse", color="a.png"}\n')
+        )

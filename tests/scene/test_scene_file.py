@@ -194,7 +194,14 @@ WRONG = [
         r"\[camera.view\]: look_at: the target \[0.0, 0.0, 0.0\] is the position itself",
     ),
     ("[render]\nsamples = 0", r"\[render\]: samples: must be greater than or equal to 1, found 0"),
-    ("[render]\nseed = true", r"\[render\]: seed: must be a valid integer, found True"),
+    ("[render]\nseed = true", r"\[render\]: seed: must be a whole number, found True"),
+    (
+        "[camera.view]\ntype = 'fisheye'\nwidth = 3\nposition = [1, 2]",
+        r"position: must be a list of 3 numbers, found \[1, 2\]",
+    ),
+    ("[render]\nnoise = 'x'", r"noise: must be a number, found 'x'"),
+    ("[render.x]", r"unknown key 'x'; allowed: samples"),
+    ("[camera]\nview = 3", r"\[camera.view\]: must be a table, found 3"),
     ("[rendr]\nsamples = 3", r"scene.toml: unknown key 'rendr'; did you mean 'render'\? allowed: panorama, real"),
 ]
 

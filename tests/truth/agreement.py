@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from bench.measures import display, find_regions
+from bench.places import Place
+from bench.truth import truth
 from numpy.typing import NDArray
 from scipy.stats import norm
 
 import lightdepth
-from bench.measures import display, find_regions
-from bench.places import Place
-from bench.truth import truth
 from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.images.png import write_png
 

@@ -2,7 +2,6 @@
 
 import pytest
 from agreement import Agreement, Size, compare, leave_behind
-
 from bench.places import PLACES, lamp_and_window
 
 SMALL = Size(photograph=128, photograph_samples=512, width=64, truth_samples=400, samples=64)

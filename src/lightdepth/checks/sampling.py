@@ -67,11 +67,11 @@ def _mesh_of(shape: AnalyticShape) -> Mesh:
         case "cylinder":
             sides = [np.stack([here, after, after + 96], axis=1), np.stack([here, after + 96, here + 96], axis=1)]
             unit = trimesh.Trimesh(
-                np.concatenate([rim, rim + np.array([0, 0, 1])]), np.concatenate(sides), process=False
+                np.concatenate([rim, rim + np.array([0.0, 0.0, 1.0])]), np.concatenate(sides), process=False
             )
         case "disk":
             fan = np.stack([np.full(96, 96), here, after], axis=1)
-            unit = trimesh.Trimesh(np.concatenate([rim, [[0, 0, 0]]]), fan, process=False)
+            unit = trimesh.Trimesh(np.concatenate([rim, np.zeros((1, 3))]), fan, process=False)
         case _:
             square = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
             unit = trimesh.Trimesh(square, [[0, 1, 2], [0, 2, 3]], process=False)

@@ -9,8 +9,12 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from lightdepth.cli import capture
+from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
+from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
+from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
 
@@ -33,11 +37,13 @@ def _options(
 
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
-app.command()(render)
+app.add_typer(capture.app, name="capture")
+app.command()(calibrate)
+app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.command()(lightmap)
 app.command()(check)
-app.command()(lightmap)
 app.command()(render)
+app.command()(doctor)
 
 
 def main() -> None:

@@ -26,6 +26,12 @@ LANES = 1 << 21
 """Paths followed at once; more gain no speed and cost memory."""
 PILOT_SAMPLES = 16
 """Samples that every pixel gets before the rest is spent where the error is."""
+QUANTUM = 4
+"""Further samples come in multiples of this."""
+MOST_SHARE = 16
+"""No pixel gets more than this many times the average number of samples."""
+LIGHTS_SERVE = 1 << 21
+"""Camera paths after which new light samples are drawn."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,7 @@ class Rendering:
         self._pixels = mi.UInt32(self.pixels if len(self.pixels) else np.zeros(1, np.uint32))
         self._taken = np.zeros(len(self.pixels), np.uint32)
         self._generator = np.random.default_rng(seed)
+        self._lights_served = 0
 
     def run(self, samples: int, noise: float | None = None) -> Iterator[Progress]:
         """Take samples, yielding after every pass; to stop early, stop iterating.
@@ -75,25 +82,17 @@ class Rendering:
         """
         start = time.monotonic()
         total = samples * len(self.pixels)
-        if not total:
-            yield Progress(1.0, 0.0, 0.0, 0.0)
-            return
-        everything = np.arange(len(self.pixels), dtype=np.uint32)
-        pilot = min(PILOT_SAMPLES, samples)
-        plan = [(everything, pilot)]
         done = 0
-        while plan:
-            slots, wanted = plan.pop(0)
-            for chunk, per_pixel in _passes(slots, wanted):
-                self._sample(chunk, per_pixel)
-                done += len(chunk) * per_pixel
+        wanted = np.full(len(self.pixels), min(PILOT_SAMPLES, samples))
+        while wanted.any():
+            for slots, per_pixel in _passes(wanted):
+                self._sample(slots, per_pixel)
+                done += len(slots) * per_pixel
                 elapsed = time.monotonic() - start
                 fraction = min(done / total, 1.0)
                 yield Progress(fraction, done / len(self.pixels), self.error(), elapsed * (1.0 / fraction - 1.0))
-            if not plan and done < total:
-                plan = self._allocate(samples, noise)
-        if done < total:
-            yield Progress(1.0, done / len(self.pixels), self.error(), 0.0)
+            wanted = self._allocate(samples, noise)
+        yield Progress(1.0, done / max(len(self.pixels), 1), self.error(), 0.0)
 
     def frame(self, auxiliary: bool = True) -> Frame:
         """The image so far.
@@ -149,22 +148,24 @@ class Rendering:
         floor = 0.1 * float(np.median(plate.mean(axis=1))) + 1e-12
         return np.sqrt(estimates.variance.mean(axis=1)) / (np.maximum(brightness, 0.0) + floor)
 
-    def _allocate(self, samples: int, noise: float | None) -> list[tuple[NDArray[np.uint32], int]]:
-        """Where the samples go that remain after the pilot: in proportion to the error that a pixel then had."""
-        spent = int(self._taken.min())
-        error = self._smoothed(self._relative_error())
-        if noise is not None:
-            # The error falls with the square root of the number of samples.
-            wanted = np.minimum(self._taken * np.square(error / noise), samples) - self._taken
+    def _allocate(self, samples: int, noise: float | None) -> NDArray[np.int64]:
+        """How many more samples each pixel gets, multiples of ``QUANTUM``; all 0 when the work is done.
+
+        Without a wanted ``noise``, what remains after the pilot is spent at once in proportion to the error that each
+        pixel then had. With it, as many as the error calls for, in rounds that at most quadruple a pixel's samples.
+        """
+        taken = self._taken.astype(np.float64)
+        if noise is None:
+            left = samples * taken.size - taken.sum()
+            if left < QUANTUM * taken.size / 64 or taken.max(initial=0.0) > PILOT_SAMPLES:
+                return np.zeros(taken.size, np.int64)
+            error = self._smoothed(self._relative_error())
+            more = np.minimum(left * error / max(error.sum(), 1e-300), MOST_SHARE * samples)
         else:
-            left = (samples - spent) * len(self.pixels)
-            wanted = left * (error / max(float(error.sum()), 1e-30))
-        number = np.ceil(np.log2(np.maximum(wanted, 1.0) / PILOT_SAMPLES + 1e-9))
-        plan = []
-        for level in np.unique(number[wanted >= 1.0]):
-            slots = np.flatnonzero((number == level) & (wanted >= 1.0)).astype(np.uint32)
-            plan.append((slots, max(1, round(float(wanted[slots].mean())))))
-        return plan
+            # The error falls with the square root of the number of samples.
+            error = self._smoothed(self._relative_error())
+            more = np.minimum(taken * np.square(error / noise), np.minimum(4.0 * taken, samples)) - taken
+        return QUANTUM * np.floor(np.maximum(more, 0.0) / QUANTUM + 0.5).astype(np.int64)
 
     def _smoothed(self, error: NDArray[np.float32]) -> NDArray[np.float32]:
         """Errors averaged over neighbours: a single pixel's estimate from few samples misleads."""
@@ -182,13 +183,18 @@ class Rendering:
 
     def _sample(self, slots: NDArray[np.uint32], per_pixel: int) -> None:
         """One pass: ``per_pixel`` samples for each of ``slots``."""
-        self._prepared.place.draw_lights(self._generator)
         lanes = len(slots) * per_pixel
+        if self._lights_served <= 0:
+            self._prepared.place.draw_lights(self._generator)
+            self._lights_served = LIGHTS_SERVE
+        self._lights_served -= lanes
         slot = mi.UInt32(slots)
         lane = dr.arange(mi.UInt32, lanes)
-        owner = lane // per_pixel
+        # Not a literal, which would compile anew for every number.
+        count = dr.opaque(mi.UInt32, per_pixel)
+        owner = lane // count
         pixel = dr.gather(mi.UInt32, self._pixels, dr.gather(mi.UInt32, slot, owner))
-        index = dr.gather(mi.UInt32, mi.UInt32(self._taken[slots]), owner) + lane % per_pixel
+        index = dr.gather(mi.UInt32, mi.UInt32(self._taken[slots]), owner) + lane % count
         randoms = begin_path(pixel, index, dr.opaque(mi.UInt32, self._seed))
         x, y = randoms.spread("film")
         film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)
@@ -196,18 +202,16 @@ class Rendering:
         start, direction, inside = self._view.camera.camera_rays(film, mi.Point2f(randoms.spread("lens")))
         ray = mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction)
         samples = self._prepared.integrator.sample(randoms, ray, inside)
+        dr.eval(samples)
         self._accumulator.add(slot, samples, per_pixel)
         self._taken[slots] += per_pixel
 
 
-def _passes(slots: NDArray[np.uint32], samples: int) -> Iterator[tuple[NDArray[np.uint32], int]]:
-    """Cut ``samples`` for each of ``slots`` into passes of bounded size."""
-    per_pixel = 1
-    while per_pixel < 16 and 4 * per_pixel <= samples and 4 * per_pixel * len(slots) <= LANES // 2:
-        per_pixel *= 4
-    chunks = np.array_split(slots, max(1, -(-len(slots) * per_pixel // LANES)))
-    rounds, rest = divmod(samples, per_pixel)
-    for size, count in ((per_pixel, rounds), (1, rest)):
-        for _ in range(count):
-            for chunk in chunks:
-                yield chunk, size
+def _passes(wanted: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.uint32], int]]:
+    """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each)."""
+    left = wanted.copy()
+    for per_pixel in (64, 16, QUANTUM, 1):
+        while len(slots := np.flatnonzero(left >= per_pixel).astype(np.uint32)):
+            for chunk in np.array_split(slots, -(-len(slots) * per_pixel // LANES)):
+                yield chunk, per_pixel
+            left[slots] -= per_pixel

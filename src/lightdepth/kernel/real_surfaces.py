@@ -32,6 +32,7 @@ class RealSurfaces:
         glosses: the specular lobes that occur.
         rest: where each vertex takes its colour from, shape (n, 3), float32; ``vertices`` where nothing is deformed.
         irradiance: E of each vertex, linear RGB, shape (n, 3), float32; zero where it was not recovered.
+        mirrored: radiance that a glossy vertex's specular lobe sent to the capture point, shape (n, 3), float32.
     """
 
     vertices: NDArray[np.float32]
@@ -41,6 +42,7 @@ class RealSurfaces:
     glosses: tuple[Gloss, ...]
     rest: NDArray[np.float32]
     irradiance: NDArray[np.float32]
+    mirrored: NDArray[np.float32]
 
     @property
     def deformed(self) -> bool:
@@ -76,7 +78,7 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
     if not surfaces:
         empty = np.zeros((0, 3), np.float32)
         no_faces = np.zeros(0, np.uint32)
-        return RealSurfaces(empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, empty)
+        return RealSurfaces(empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, empty, empty)
     merged = np.concatenate(vertices).astype(np.float32)
     return RealSurfaces(
         merged,
@@ -85,6 +87,7 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
         np.concatenate(gloss_numbers),
         tuple(glosses),
         np.concatenate(rests).astype(np.float32),
+        np.zeros_like(merged),
         np.zeros_like(merged),
     )
 

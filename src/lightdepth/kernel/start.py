@@ -62,9 +62,8 @@ def libllvm_version(library: Path) -> int:
     except OSError as error:
         raise SetupError(f"{library}: cannot be loaded as libLLVM ({error}). {_INSTALL_HINT}") from error
     except AttributeError as error:
-        raise SetupError(
-            f"{library}: libLLVM of a version before 16 (it does not tell which). {_INSTALL_HINT}"
-        ) from error
+        kind = "libLLVM of a version before 16" if hasattr(loaded, "LLVMContextCreate") else "not libLLVM"
+        raise SetupError(f"{library}: is {kind}; {OLDEST_LLVM} or later is needed. {_INSTALL_HINT}") from error
     if major.value < OLDEST_LLVM:
         raise SetupError(f"{library}: libLLVM {major.value}, but {OLDEST_LLVM} or later is needed. {_INSTALL_HINT}")
     return major.value

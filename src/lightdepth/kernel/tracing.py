@@ -75,6 +75,7 @@ class TracedSurfaces:
         self._corners = mi.UInt32(corners.reshape(-1))
         self._normals = mi.Float(normals.reshape(-1))
         self._irradiance = mi.Float(_padded(surfaces.irradiance))
+        self._mirrored = mi.Float(_padded(surfaces.mirrored)) if surfaces.glosses else None
         self._rest = mi.Float(_padded(surfaces.rest)) if self.deformed else None
 
     def first_real(self, ray: mi.Ray3f, active: mi.Bool) -> RealHit:
@@ -107,6 +108,13 @@ class TracedSurfaces:
     def irradiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
         """E at points of support surfaces, interpolated in barycentric coordinates."""
         value = self._interpolate(self._irradiance, hit, active)
+        return mi.Color3f(value.x, value.y, value.z)
+
+    def mirrored(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
+        """Radiance that the specular lobe of glossy support sent to the capture point, interpolated likewise."""
+        if self._mirrored is None:
+            return mi.Color3f(0.0)
+        value = self._interpolate(self._mirrored, hit, active)
         return mi.Color3f(value.x, value.y, value.z)
 
     def rest_point(self, hit: RealHit, active: mi.Bool) -> mi.Point3f:

@@ -45,7 +45,7 @@ def mesh_from_depth(
     reciprocal = 1.0 / depth[np.ix_(rows, columns)].astype(np.float64)
     reciprocal = np.vstack([_pole(reciprocal[0]), reciprocal, _pole(reciprocal[-1])])
     directions = _with_poles(latlong_to_direction(u, v))
-    right, down = _joined(reciprocal, directions, axis=1), _joined(reciprocal, directions, axis=0)
+    right, down = joined(reciprocal, directions, axis=1), joined(reciprocal, directions, axis=0)
     reciprocal[1:-1] += _slope(reciprocal[1:-1], right[1:-1], down[1:-1])
     directions = _with_poles(latlong_to_direction(u + SHIFT * stride / width, v + SHIFT * stride / height))
     used, faces = np.unique(_faces(right, down), return_inverse=True)
@@ -82,7 +82,7 @@ def _pole(row: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.full((1, row.size), np.median(row))
 
 
-def _joined(reciprocal: NDArray[np.float64], directions: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
+def joined(reciprocal: NDArray[np.float64], directions: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
     """Whether each pixel lies on one surface with the next one along an axis.
 
     Args:
@@ -118,7 +118,7 @@ def _faces(right: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDArray[np.intp
     """Two triangles between each four neighbours, where both of a triangle's sides on the grid are joined.
 
     Args:
-        right: see :func:`_joined`, shape (rows, columns); the first and the last row are the poles.
+        right: see :func:`joined`, shape (rows, columns); the first and the last row are the poles.
         down: the same for the other axis, shape (rows - 1, columns).
 
     Returns:

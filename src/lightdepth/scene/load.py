@@ -20,7 +20,7 @@ from lightdepth.errors import InputError
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import validate_panorama
 from lightdepth.scene.depth import read_depth
-from lightdepth.scene.materials import Material, Principled
+from lightdepth.scene.materials import Material, Principled, Texture
 from lightdepth.scene.meshes import MeshPart, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
 from lightdepth.scene.meshes.geometry import merged, placement, transformed
@@ -191,6 +191,8 @@ def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject) -> Syn
 
 
 def _part(part: MeshPart, to_world: NDArray[np.float64], material: Material | None) -> SyntheticPart:
+    if part.mesh.texture_coordinates is None and any(isinstance(value, Texture) for _, value in material or ()):
+        raise InputError("the material has an image, but the mesh has no texture coordinates to lay it by")
     return SyntheticPart(transformed(part.mesh, to_world), material or part.material or Principled())
 
 

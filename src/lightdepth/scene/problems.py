@@ -45,7 +45,7 @@ class Problems:
         for details in error.errors(include_url=False):
             place, expected = _without_tags(details["loc"], model)
             message = _message(details, expected)
-            if details["type"] in ("extra_forbidden", "missing"):
+            if details["type"] in ("extra_forbidden", "missing") and isinstance(place[-1], str):
                 self.add(place[:-1], message, str(place[-1]))
             else:
                 self.add(place, message)
@@ -74,12 +74,41 @@ def _keys(place: Place) -> tuple[str, ...]:
     return tuple(str(piece) for piece in place if isinstance(piece, str))
 
 
+_PLAIN_WORDS = {
+    "bool_type": "true or false",
+    "dict_type": "a table of tables",
+    "finite_number": "a finite number",
+    "float_parsing": "a number",
+    "float_type": "a number",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_type": "a whole number",
+    "list_type": "tables, each with its own [[...]] line",
+    "model_attributes_type": "a table",
+    "model_type": "a table",
+    "path_type": "the name of a file",
+    "string_type": "text in quotes",
+}
+
+
+def _list_of_numbers(expected: Any) -> str:
+    """What a tuple's annotation asks for."""
+    arms = [arm for arm in _arms(expected) if get_origin(arm) is tuple]
+    return f"a list of {len(get_args(arms[0]))} numbers" if arms else "a list of numbers"
+
+
 def _message(details: ErrorDetails, expected: Any) -> str:
     """One problem in plain words."""
     key, found, context = str(details["loc"][-1]), details["input"], details.get("ctx", {})
     match details["type"]:
         case "extra_forbidden":
             return f"unknown key '{key}'{nearest(key, _field_names(expected))}"
+        case "missing" if isinstance(details["loc"][-1], int):
+            message = f"must be {_list_of_numbers(expected)}"
+        case "tuple_type" | "too_long":
+            message = f"must be {_list_of_numbers(expected)}"
+        case kind if kind in _PLAIN_WORDS:
+            message = f"must be {_PLAIN_WORDS[kind]}"
         case "missing":
             return f"the key '{key}' is missing"
         case "union_tag_not_found":

@@ -19,13 +19,13 @@ from lightdepth.kernel.real_surfaces import FaceKind
 from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit
 from lightdepth.scene.model import Gloss
 from lightdepth.transport.bounds import Cones, ObjectBounds
-from lightdepth.transport.place import SHADOW_RAY_END, Place
+from lightdepth.transport.place import SHADOW_RAY_END, LightSample, Place
 from lightdepth.transport.randoms import Randoms
-from lightdepth.transport.recovered_albedo import albedo
+from lightdepth.transport.recovered_albedo import reflectance
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
-FIRST_LIGHTS = 4
-"""Light samples at the support point that the camera sees: a shadow ray there asks only the synthetic surfaces."""
+MORE_LIGHTS = 3
+"""Further light samples at the support point that the camera sees: a shadow ray there asks only the new surfaces."""
 ROULETTE_DEPTH = 3
 """Scatterings before paths are ended by the light that they still carry."""
 LARGEST_SURVIVAL = 0.95
@@ -55,12 +55,12 @@ class LastScattering:
     Attributes:
         point: where it was, world, metres.
         pdf: density with which its direction was drawn, per steradian; 0 where light sampling could not draw it.
-        lights: how many light samples were taken there.
+        map_samples: how many samples of the map's light were taken there, on average.
     """
 
     point: mi.Point3f
     pdf: mi.Float
-    lights: mi.Float
+    map_samples: mi.Float
 
 
 @dataclass
@@ -135,7 +135,7 @@ class DifferenceIntegrator:
         ray, active = mi.Ray3f(ray), mi.Bool(active)
         radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
         difference, first, covered = mi.Bool(False), mi.Bool(True), mi.Bool(False)
-        last = LastScattering(mi.Point3f(ray.o), mi.Float(0.0), mi.Float(1.0))
+        last = LastScattering(mi.Point3f(ray.o), mi.Float(0.0), mi.Float(self.map_share))
         depth = mi.UInt32(0)
         context = mi.BSDFContext()
         bounds = self.bounds if self.has_support else None
@@ -162,17 +162,17 @@ class DifferenceIntegrator:
             outside = dr.dot(hit.normal, ray.d) < 0.0
             on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & outside
             active &= (on_synthetic | on_support) & (depth < self.max_bounces)
-            rho = self._albedo(hit, active & on_support)
-            active &= on_synthetic | (dr.max(rho) > 0.0) | (hit.gloss > 0)
+            rho, specular_scale = self._reflectance(hit, active & on_support)
+            active &= on_synthetic | (dr.max(rho) > 0.0) | ((hit.gloss > 0) & (dr.max(specular_scale) > 0.0))
             point = dr.select(on_synthetic, si.p, hit.point)
             normal = dr.select(on_synthetic, si.n, hit.normal)
             cones: Cones | None = None
-            if dr.hint(bounds is not None, mode="scalar"):
+            if bounds is not None:
                 cones = bounds.cones(point)
 
             # Roulette: by the light still carried, and on support by what could still be met.
             survival = mi.Float(1.0)
-            if dr.hint(cones is not None, mode="scalar"):
+            if cones is not None:
                 reach = dr.clip(WANDERING_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_SURVIVAL, 1.0)
                 survival = dr.select(on_support & ~on_relit & ~first, reach, 1.0)
             carried = dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL)
@@ -181,20 +181,18 @@ class DifferenceIntegrator:
             throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
             in_difference = active & on_support & ~on_relit
-            support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, in_difference)
+            support = SupportScattering(
+                rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, in_difference, specular_scale
+            )
             vertex = Vertex(
                 point, normal, si, si.bsdf(ray), support, active & on_synthetic, active & on_support, in_difference
             )
 
             # Light sampling, section 2: several times at the support that the camera sees, where it is cheap.
-            spread = first & in_difference
-            lights = dr.select(spread, float(FIRST_LIGHTS), 1.0)
-            radiance += throughput * (
-                self._direct(randoms, context, vertex, active, first, lights, 0, depth)
-                + self._direct(randoms, context, vertex, spread, first, lights, 1, depth)
-                + self._direct(randoms, context, vertex, spread, first, lights, 2, depth)
-                + self._direct(randoms, context, vertex, spread, first, lights, 3, depth)
-            )
+            several = first & in_difference
+            map_samples = dr.select(several, self.map_share + MORE_LIGHTS, self.map_share)
+            radiance += throughput * self._direct(randoms, context, vertex, active, first, map_samples, depth)
+            radiance += throughput * self._more_blocked_light(randoms, vertex, several, map_samples)
 
             # The next direction.
             choice, x, y = randoms.direction(first, active)
@@ -210,7 +208,7 @@ class DifferenceIntegrator:
             through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
             last.point = dr.select(through, last.point, point)
             last.pdf = dr.select(through, last.pdf, pdf)
-            last.lights = dr.select(through, last.lights, lights)
+            last.map_samples = dr.select(through, last.map_samples, map_samples)
             difference = dr.select(through, difference, in_difference)
             covered &= ~(through & first)
             depth = dr.select(through, depth, depth + 1)
@@ -247,7 +245,7 @@ class DifferenceIntegrator:
             hit = select_hit(hidden, self.surfaces.first_real(ray, hidden), hit)
         wanted = blocked | arrived
         radiance, pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - last.point), wanted)
-        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * self.map_share * last.lights), depth)
+        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.map_samples), depth)
         return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
 
     def _emission(
@@ -265,15 +263,17 @@ class DifferenceIntegrator:
         reference.p = last.point
         sampled = mi.DirectionSample3f(self.surfaces.all, si, reference)
         pdf = self.surfaces.all.pdf_emitter_direction(reference, sampled, shines & ~first)
-        weight = dr.select(first, 1.0, _mis_weight(last.pdf, pdf * (1.0 - self.map_share) * last.lights))
+        weight = dr.select(first, 1.0, _mis_weight(last.pdf, pdf * (1.0 - self.map_share)))
         return dr.select(shines, self._clamped(emitter.eval(si, shines) * weight, depth), 0.0)
 
-    def _albedo(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
-        """Recovered albedo at support points, else 0."""
+    def _reflectance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f]:
+        """Recovered albedo and factor on the specular lobe at support points, else 0."""
         if not (self.has_support or self.has_relit):
-            return mi.Color3f(0.0)
+            return mi.Color3f(0.0), mi.Color3f(0.0)
         radiance = self.place.surface_radiance(hit, active)
-        return albedo(radiance, self.surfaces.irradiance(hit, active)) & active
+        irradiance, mirrored = self.surfaces.irradiance(hit, active), self.surfaces.mirrored(hit, active)
+        rho, specular_scale = reflectance(radiance, irradiance, mirrored)
+        return rho & active, specular_scale & active
 
     def _direct(
         self,
@@ -282,41 +282,34 @@ class DifferenceIntegrator:
         vertex: Vertex,
         active: mi.Bool,
         first: mi.Bool,
-        lights: mi.Float,
-        number: int,
+        map_samples: mi.Float,
         depth: mi.UInt32,
     ) -> mi.Color3f:
-        """Light sampling at a vertex.
-
-        A light sample ``l`` counts where it is what the vertex sees: where no other real surface stands between. At a
-        synthetic point it is lost if something new stands between; at a support point in difference mode that is just
-        when it counts, as ``-M(l)``.
+        """Light sampling at a vertex: of the map, or of synthetic emitters.
 
         Args:
             randoms: random numbers of the paths.
             context: for the BSDFs.
             vertex: where the paths are.
-            active: which of them take this sample.
+            active: which of them take a sample.
             first: which of them are at their first vertex.
-            lights: how many samples the vertex takes in all.
-            number: which of them this is.
+            map_samples: how many samples of the map the vertex takes in all, on average.
             depth: scatterings so far.
         """
-        choice = dr.select(first, randoms.spread("light", FIRST_LIGHTS, number)[0], randoms.next(active))
+        choice = dr.select(first, randoms.spread("light")[0], randoms.next(active))
         from_map = mi.Bool(True)
         if self.has_emitters:
             from_map = choice < self.map_share
             choice = dr.select(from_map, choice / self.map_share, choice)
         light = self.place.light(choice, active & from_map)
         direction, distance, pdf = self.place.toward(light, vertex.point)
-        pdf *= self.map_share
+        pdf *= map_samples
         radiance = light.radiance
         if self.has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
             reference.p, reference.n = vertex.point, vertex.normal
-            from_emitter = active & ~from_map
             position = mi.Point2f(randoms.next(active), randoms.next(active))
-            sampled, weight = self.surfaces.all.sample_emitter_direction(reference, position, False, from_emitter)
+            sampled, weight = self.surfaces.all.sample_emitter_direction(reference, position, False, active & ~from_map)
             direction = dr.select(from_map, direction, sampled.d)
             distance = dr.select(from_map, distance, sampled.dist)
             pdf = dr.select(from_map, pdf, sampled.pdf * (1.0 - self.map_share))
@@ -326,23 +319,63 @@ class DifferenceIntegrator:
         bsdf_value, bsdf_pdf = vertex.bsdf.eval_pdf(context, vertex.si, vertex.si.to_local(direction), on_synthetic)
         support_value, support_pdf = vertex.support.evaluate(direction)
         scattering_pdf = dr.select(vertex.on_synthetic, bsdf_pdf, support_pdf)
-        pdf *= lights
         value = dr.select(vertex.on_synthetic, bsdf_value, support_value) * radiance
         value *= _mis_weight(pdf, scattering_pdf) / dr.maximum(pdf, 1e-20)
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
+        value *= self._visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
+        return dr.select(useful, self._clamped(value, depth), 0.0)
 
-        # In difference mode the map's light counts where something new blocks it.
-        inverted = vertex.in_difference & from_map
+    def _more_blocked_light(
+        self, randoms: Randoms, vertex: Vertex, active: mi.Bool, map_samples: mi.Float
+    ) -> mi.Color3f:
+        """Further samples of the map's light at support points: ``-M(l)`` where something new blocks it."""
+        total = mi.Color3f(0.0)
+        for number in range(MORE_LIGHTS):
+            light = self.place.light(randoms.spread("more lights", MORE_LIGHTS, number)[0], active)
+            direction, distance, pdf = self.place.toward(light, vertex.point)
+            pdf *= map_samples
+            value, scattering_pdf = vertex.support.evaluate(direction)
+            value *= light.radiance * (_mis_weight(pdf, scattering_pdf) / dr.maximum(pdf, 1e-20))
+            useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
+            total += value * self._visible(vertex, light, direction, distance, mi.Bool(True), active, useful)
+        return total
+
+    def _visible(
+        self,
+        vertex: Vertex,
+        light: LightSample,
+        direction: mi.Vector3f,
+        distance: mi.Float,
+        from_map: mi.Bool,
+        inverted: mi.Bool,
+        active: mi.Bool,
+    ) -> mi.Float:
+        """By how much light samples count.
+
+        A light sample ``l`` counts where it is what the vertex sees: where no other real surface stands between. At a
+        synthetic point it is lost if something new stands between; at a support point in difference mode that is just
+        when it counts, as ``-M(l)``. So the new surfaces are asked first, and the real ones only where it matters.
+
+        Args:
+            vertex: where light arrives.
+            light: the samples of the map.
+            direction: toward the samples, unit, world.
+            distance: to them, metres.
+            from_map: which are samples of the map; the others lie on synthetic emitters.
+            inverted: which count where they are blocked.
+            active: which are wanted.
+        """
         shadow_ray = leave(vertex.point, vertex.normal, direction, distance * SHADOW_RAY_END)
-        passed = self._transmittance(shadow_ray, useful)
+        passed = self._transmittance(shadow_ray, active)
         share = dr.select(inverted, passed - 1.0, passed)
         if self.has_relit:
             share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)
-        useful &= share != 0.0
         if self.surfaces.has_real:
-            tested = useful & ~from_map if self.place.infinite else useful
-            useful &= ~self.surfaces.real.ray_test(shadow_ray, coherent=False, active=tested)
-        return dr.select(useful, self._clamped(value * share, depth), 0.0)
+            tested = active & (share != 0.0)
+            if self.place.infinite:
+                tested &= ~from_map
+            share = dr.select(self.surfaces.real.ray_test(shadow_ray, coherent=False, active=tested), 0.0, share)
+        return share & active
 
     def _transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """Share of light that passes all synthetic surfaces along shadow rays."""

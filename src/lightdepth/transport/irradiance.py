@@ -1,7 +1,7 @@
-"""The irradiance that the place had before insertion, at points of its surfaces.
+"""What the surfaces of the place received and mirrored before insertion.
 
-Equation: docs/theory.md, eq. (5): ``E(p) = integral of M(q(p, w)) cos dw``. Per colour channel and without bias it
-takes the part of the paper's scale factor ``ES`` (eq. 7 and 8).
+Equations: docs/theory.md, eq. (5): ``E(p) = integral of M(q(p, w)) cos dw``, which per colour channel and without bias
+takes the part of the paper's scale factor ``ES`` (eq. 7 and 8); and eq. (6b), the same with a specular lobe.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lightdepth.kernel.tracing import leave
 from lightdepth.transport.place import SHADOW_RAY_END, Place
+from lightdepth.transport.support import SpecularLobes, SupportScattering
 
 SAMPLES = 1024
 """Samples of each of the two techniques that a point gets. They are stratified, in two halves: on a hotel room with
@@ -39,53 +40,98 @@ def estimate_irradiance(
     Returns:
         Irradiance, shape (n, 3), float32, and its relative standard error, that of the typical point.
     """
-    half = samples // 2
-    results = np.zeros((2, len(points), 3))
-    for result in results:
-        place.draw_lights(generator)
-        for chunk in np.array_split(np.arange(len(points)), max(1, -(-len(points) * half // LANES))):
-            result[chunk] = _estimate(place, points[chunk], normals[chunk], generator, half)
-    mean = results.mean(axis=0)
-    difference = (results[0] - results[1]).mean(axis=1) / np.maximum(results.sum(axis=0).mean(axis=1), 1e-30)
-    # By the median, since points that are all but dark have any relative error.
-    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference)))
+    # A Lambertian lobe of albedo pi scatters just the irradiance; where it is seen from does not matter.
+    lobes, none = SpecularLobes(()), np.zeros(len(points), np.uint32)
+    return _estimate(place, points, normals, normals, lobes, none, np.pi, generator, samples)
+
+
+def estimate_mirrored(
+    place: Place,
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    lobes: SpecularLobes,
+    gloss: NDArray[np.uint32],
+    generator: np.random.Generator,
+    samples: int = SAMPLES,
+) -> NDArray[np.float32]:
+    """Radiance that specular lobes at points send toward the capture point, eq. (6b).
+
+    Args:
+        place: the place before insertion.
+        points: shape (n, 3), world, metres.
+        normals: unit, on the side that receives, shape (n, 3), world.
+        lobes: the specular lobes that occur.
+        gloss: number of the lobe at each point, 0 for none, shape (n,).
+        generator: source of randomness.
+        samples: of each technique at each point, an even number.
+
+    Returns:
+        Radiance, shape (n, 3), float32.
+    """
+    outgoing = place.capture - points
+    outgoing /= np.maximum(np.linalg.norm(outgoing, axis=1, keepdims=True), 1e-12)
+    return _estimate(place, points, normals, outgoing, lobes, gloss, 0.0, generator, samples)[0]
 
 
 def _estimate(
     place: Place,
     points: NDArray[np.float32],
     normals: NDArray[np.float32],
+    outgoing: NDArray[np.float64] | NDArray[np.float32],
+    lobes: SpecularLobes,
+    gloss: NDArray[np.uint32],
+    albedo: float,
     generator: np.random.Generator,
     samples: int,
-) -> NDArray[np.float64]:
-    """One estimate for each point, shape (n, 3)."""
-    count = len(points)
-    lane = dr.arange(mi.UInt32, count * samples)
-    owner, number = lane // samples, mi.Float(lane % samples)
-    point = dr.gather(mi.Point3f, mi.Float(points.reshape(-1)), owner)
-    normal = dr.gather(mi.Vector3f, mi.Float(normals.reshape(-1)), owner)
-    shifts = mi.Float(generator.random(3 * count, dtype=np.float32))
-    shift = dr.gather(mi.Point3f, shifts, owner)
+) -> tuple[NDArray[np.float32], float]:
+    """Scattered radiance from two independent halves: their mean, and the typical relative error of it."""
+    half = samples // 2
+    results = np.zeros((2, len(points), 3))
+    for result in results:
+        place.draw_lights(generator)
+        for chunk in np.array_split(np.arange(len(points)), max(1, -(-len(points) * half // LANES))):
+            lane = dr.arange(mi.UInt32, len(chunk) * half)
+            owner = lane // half
+            normal = dr.gather(mi.Vector3f, mi.Float(normals[chunk].reshape(-1)), owner)
+            toward = dr.gather(mi.Vector3f, mi.Float(outgoing[chunk].astype(np.float32).reshape(-1)), owner)
+            number = dr.gather(mi.UInt32, mi.UInt32(gloss[chunk]), owner)
+            lobe = SupportScattering(mi.Color3f(albedo), normal, toward, lobes, number, None, mi.Bool(False))
+            point = dr.gather(mi.Point3f, mi.Float(points[chunk].reshape(-1)), owner)
+            shifts = mi.Float(generator.random(4 * len(chunk), dtype=np.float32))
+            shift = dr.gather(mi.Vector4f, shifts, owner)
+            value = _scattered(place, point, normal, lobe, mi.Float(lane % half), shift, half)
+            result[chunk] = np.stack([dr.block_sum(channel, half).numpy() for channel in value], axis=1) / half
+    mean = results.mean(axis=0)
+    difference = (results[0] - results[1]).mean(axis=1) / np.maximum(results.sum(axis=0).mean(axis=1), 1e-30)
+    # By the median, since points that are all but dark have any relative error.
+    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference))) if len(points) else 0.0
 
-    # Light sampling.
+
+def _scattered(
+    place: Place,
+    point: mi.Point3f,
+    normal: mi.Vector3f,
+    lobe: SupportScattering,
+    number: mi.Float,
+    shift: mi.Vector4f,
+    samples: int,
+) -> mi.Color3f:
+    """One sample of each technique for sample ``number`` of ``samples``, shifted at random from point to point."""
     light = place.light((number + shift.x) / samples, mi.Bool(True))
     direction, distance, pdf_light = place.toward(light, point)
-    cosine = dr.dot(normal, direction)
-    useful = (cosine > 0.0) & (pdf_light > 0.0)
+    scattered, pdf = lobe.evaluate(direction)
+    useful = (dr.max(scattered) > 0.0) & (pdf_light > 0.0)
     if not place.infinite and place.surfaces.has_real:
         ray = leave(point, normal, direction, distance * SHADOW_RAY_END)
         useful &= ~place.surfaces.real.ray_test(ray, coherent=False, active=useful)
-    weight = pdf_light / (pdf_light + cosine * dr.inv_pi)
-    value = dr.select(useful, light.radiance * (cosine * weight / pdf_light), 0.0)
+    value = dr.select(useful, light.radiance * scattered / (pdf_light + pdf), 0.0)
 
-    # Cosine sampling, by a lattice of the golden ratio's kind that is shifted at every point.
-    u = dr.fma(number, 1.0 / samples, shift.y)
-    v = dr.fma(number, 0.6180339887, shift.z)
-    local = mi.warp.square_to_cosine_hemisphere(mi.Point2f(u - dr.floor(u), v - dr.floor(v)))
-    direction = mi.Frame3f(normal).to_world(local)
-    hit = place.surfaces.first_real(leave(point, normal, direction), mi.Bool(True))
-    radiance, pdf_light = place.seen(hit, direction, hit.distance, mi.Bool(True))
-    cosine = dr.maximum(local.z, 1e-6)
-    value += radiance * (cosine / (pdf_light + cosine * dr.inv_pi))
-    sums = [dr.block_sum(channel, samples).numpy() for channel in (value.x, value.y, value.z)]
-    return np.stack(sums, axis=1).astype(np.float64) / samples
+    # A lattice of the golden ratio's kind.
+    steps = mi.Point3f(0.8191725134, 0.6710436067, 0.5497004779) * number + mi.Point3f(shift.y, shift.z, shift.w)
+    steps -= dr.floor(steps)
+    direction = lobe.sample(steps.x, mi.Point2f(steps.y, steps.z))
+    scattered, pdf = lobe.evaluate(direction)
+    useful = dr.max(scattered) > 0.0
+    hit = place.surfaces.first_real(leave(point, normal, direction), useful)
+    radiance, pdf_light = place.seen(hit, direction, hit.distance, useful)
+    return value + dr.select(useful, radiance * scattered / dr.maximum(pdf_light + pdf, 1e-20), 0.0)

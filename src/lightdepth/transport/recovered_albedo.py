@@ -18,9 +18,10 @@ from scipy.sparse.csgraph import connected_components
 
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.transport.bounds import Sphere
-from lightdepth.transport.irradiance import SAMPLES, estimate_irradiance
+from lightdepth.transport.irradiance import SAMPLES, estimate_irradiance, estimate_mirrored
 from lightdepth.transport.place import Place
 from lightdepth.transport.refinement import close_marks, find_edges, split_edges
+from lightdepth.transport.support import SpecularLobes
 
 INTERPOLATION_TOLERANCE = 0.01
 """Relative deviation at an edge's middle above which the edge is halved, where objects are near."""
@@ -124,8 +125,21 @@ def recover_irradiance(
         normal_of = np.concatenate([normal_of, normal_of[split[:, 0]]])
         irradiance = np.concatenate([irradiance, known[marked]])
     irradiance = _fill_dark(irradiance, faces)
+    mirrored = np.zeros_like(irradiance)
+    if surfaces.glosses:
+        gloss = np.zeros(len(points), np.uint32)
+        gloss[faces] = support.gloss[parent][:, None]
+        shiny = np.flatnonzero(gloss)
+        mirrored[shiny] = estimate_mirrored(
+            place,
+            _inside(points, faces)[shiny],
+            normal_of[shiny],
+            SpecularLobes(surfaces.glosses),
+            gloss[shiny],
+            generator,
+        )
     report = _check(place, points, faces, irradiance, spheres, generator)
-    return _merge(surfaces, receiving, support, vertices, points, faces, parent, irradiance), report
+    return _merge(surfaces, receiving, support, vertices, points, faces, parent, irradiance, mirrored), report
 
 
 def _separate(surfaces: RealSurfaces, chosen: NDArray[np.bool_]) -> RealSurfaces:
@@ -148,6 +162,7 @@ def _separate(surfaces: RealSurfaces, chosen: NDArray[np.bool_]) -> RealSurfaces
         vertices=surfaces.vertices[kept],
         rest=surfaces.rest[kept],
         irradiance=surfaces.irradiance[kept],
+        mirrored=surfaces.mirrored[kept],
         faces=inverse.reshape(-1, 3).astype(np.int32),
         kind=surfaces.kind[chosen],
         gloss=surfaces.gloss[chosen],
@@ -286,6 +301,7 @@ def _merge(
     faces: NDArray[np.int32],
     parent: NDArray[np.int64],
     irradiance: NDArray[np.float32],
+    mirrored: NDArray[np.float32],
 ) -> RealSurfaces:
     """The environment's faces as they were, followed by the refined support."""
     offset = len(surfaces.vertices)
@@ -294,17 +310,25 @@ def _merge(
         vertices=np.concatenate([surfaces.vertices, vertices]),
         rest=np.concatenate([surfaces.rest, points]),
         irradiance=np.concatenate([surfaces.irradiance, irradiance]),
+        mirrored=np.concatenate([surfaces.mirrored, mirrored]),
         faces=np.concatenate([surfaces.faces[~receiving], faces + offset]),
         kind=np.concatenate([surfaces.kind[~receiving], support.kind[parent]]),
         gloss=np.concatenate([surfaces.gloss[~receiving], support.gloss[parent]]),
     )
 
 
-def albedo(radiance: mi.Color3f, irradiance: mi.Color3f) -> mi.Color3f:
-    """Recovered albedo ``rho = pi M / E`` per channel (theory, eq. 6).
+def reflectance(radiance: mi.Color3f, irradiance: mi.Color3f, mirrored: mi.Color3f) -> tuple[mi.Color3f, mi.Color3f]:
+    """Recovered albedo ``rho`` and the factor on the specular lobe, per channel (theory, eq. 6).
 
     A ratio a little above 1 is noise of the photograph or the geometry and is clamped; one above ``GLOWING`` in any
     channel means that the surface glows by itself, or that the geometry is wrong: it scatters nothing.
+
+    Args:
+        radiance: M at points of support.
+        irradiance: E there.
+        mirrored: S there, 0 without gloss.
     """
-    ratio = dr.pi * radiance / dr.maximum(irradiance, 1e-20)
-    return dr.select(dr.max(ratio) > GLOWING, 0.0, dr.minimum(ratio, 1.0))
+    ratio = dr.pi * dr.maximum(radiance - mirrored, 0.0) / dr.maximum(irradiance, 1e-20)
+    glowing = dr.max(ratio) > GLOWING
+    specular_scale = dr.minimum(radiance / dr.maximum(mirrored, 1e-20), 1.0)
+    return dr.select(glowing, 0.0, dr.minimum(ratio, 1.0)), dr.select(glowing, 0.0, specular_scale)

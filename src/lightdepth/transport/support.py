@@ -52,6 +52,7 @@ class SupportScattering:
         gloss: number of the specular lobe at each point, 0 for none.
         cones: the objects' bounds from each point, or ``None`` where nothing is to be aimed at.
         aim: where rays may be aimed.
+        specular_scale: factor on the specular lobe per channel.
     """
 
     def __init__(
@@ -63,9 +64,11 @@ class SupportScattering:
         gloss: mi.UInt32,
         cones: Cones | None,
         aim: mi.Bool,
+        specular_scale: mi.Color3f | float = 1.0,
     ) -> None:
         self._albedo, self._frame, self._lobes, self._gloss = albedo, mi.Frame3f(normal), lobes, gloss
         self._outgoing = self._frame.to_local(outgoing)
+        self._specular_scale = mi.Color3f(specular_scale)
         self._cones = cones
         self._aimed = dr.select(aim, cones.aimed_share, 0.0) if cones is not None else mi.Float(0.0)
         self._glossy = dr.select(gloss > 0, GLOSSY_SHARE, 0.0) if lobes.any else mi.Float(0.0)
@@ -94,7 +97,7 @@ class SupportScattering:
         pdf = cosine * dr.inv_pi
         if self._lobes.any:
             specular, specular_pdf = self._specular(local)
-            value += specular
+            value += specular * self._specular_scale
             pdf = dr.lerp(pdf, specular_pdf, self._glossy)
         pdf = dr.select(above, pdf, 0.0)
         if self._cones is not None:

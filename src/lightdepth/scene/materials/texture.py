@@ -39,8 +39,15 @@ class VertexColors:
     texture: Texture | None = None
 
 
-def decode_srgb(pixels: NDArray[np.uint8]) -> NDArray[np.float16]:
-    """Linear values of 8-bit sRGB code values (IEC 61966-2-1), of the same shape, in [0, 1]."""
+def _srgb_to_linear() -> NDArray[np.float64]:
     code = np.arange(256) / 255.0
-    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float16)[pixels]
+    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+
+
+SRGB_TO_LINEAR = _srgb_to_linear()
+"""Linear values in [0, 1] of the 256 codes of 8-bit sRGB (IEC 61966-2-1)."""
+
+
+def decode_srgb(pixels: NDArray[np.uint8]) -> NDArray[np.float16]:
+    """Linear values of 8-bit sRGB codes, of the same shape, in [0, 1]."""
+    return SRGB_TO_LINEAR.astype(np.float16)[pixels]

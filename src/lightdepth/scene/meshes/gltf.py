@@ -126,7 +126,8 @@ class _Primitive:
             colors=self._colors(materials.base_color_factor(index)[:3]),
         )
         has_uv, has_colors = mesh.texture_coordinates is not None, mesh.colors is not None
-        return MeshPart(mesh, materials.principled(index, has_uv, has_colors, is_closed(mesh)))
+        closed = materials.transmits(index) and is_closed(mesh)
+        return MeshPart(mesh, materials.principled(index, has_uv, has_colors, closed))
 
     def _texture_coordinates(self, number: int) -> NDArray[np.float32] | None:
         """A set of texture coordinates, v upward, or ``None``."""

@@ -40,6 +40,10 @@ class GltfMaterials:
         surface = self._description(index).get("pbrMetallicRoughness", {})
         return np.clip(surface.get("baseColorFactor", [1.0, 1.0, 1.0, 1.0]), 0.0, 1.0)
 
+    def transmits(self, index: int | None) -> bool:
+        """Whether a material lets light through other than by its alpha."""
+        return _transmits(self._description(index).get("extensions", {}))
+
     def principled(self, index: int | None, has_uv: bool, has_colors: bool, closed: bool) -> Principled:
         """A material for a mesh.
 
@@ -81,7 +85,7 @@ class GltfMaterials:
             "emission_strength": max(float(strength), 0.0),
             **_transmission(extensions, closed),
         }
-        if "thin" in settings:
+        if _transmits(extensions):
             transmission = extensions["KHR_materials_transmission"]
             settings["transmission"] = share(transmission, "transmissionTexture", RED, "transmissionFactor", 0.0)
         if (normals := info(description, "normalTexture")) is not None:
@@ -116,11 +120,15 @@ class GltfMaterials:
         return self._textures.colour(info, factor)
 
 
+def _transmits(extensions: dict[str, Any]) -> bool:
+    return bool(extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0.0)
+
+
 def _transmission(extensions: dict[str, Any], closed: bool) -> dict[str, Any]:
     """Index of refraction, and for what transmits whether it is ``thin``."""
     ior = float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5))
     ior = min(ior, 4.0) if ior >= 1.0 else 4.0  # 0 stands for an endless one in glTF.
-    if extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0) > 0.0:
+    if _transmits(extensions):
         volume = extensions.get("KHR_materials_volume")
         thin = not closed if volume is None else volume.get("thicknessFactor", 0.0) == 0.0
         return {"ior": ior, "thin": thin}

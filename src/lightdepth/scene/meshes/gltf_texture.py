@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.scene.materials import Texture
-from lightdepth.scene.materials.texture import Wrap, decode_srgb
+from lightdepth.scene.materials.texture import SRGB_TO_LINEAR, Wrap
 from lightdepth.scene.meshes.gltf_file import GltfFile
 
 _WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 _NEAREST_FILTER = 9728
+_CODES = np.arange(256) / 255.0
 RED, GREEN, BLUE, ALPHA = range(4)
 Info = dict[str, Any]
 """A ``textureInfo`` of the file."""
@@ -33,50 +34,33 @@ class GltfTextures:
 
     def colour(self, info: Info, factor: Sequence[float]) -> Texture:
         """Red, green and blue, decoded from sRGB, times a factor for each."""
-        return self._texture(
-            info,
-            ("colour", *factor),
-            lambda rgba: decode_srgb(rgba[:, :, :3]) * np.array(factor, dtype=np.float16),
-        )
+        return self._texture(info, {c: SRGB_TO_LINEAR * factor[c] for c in (RED, GREEN, BLUE)})
 
     def share(self, info: Info, channel: int, factor: float) -> Texture | float:
         """One channel as numbers in [0, 1] times a factor; one number where all texels are equal."""
-        texture = self._texture(
-            info,
-            ("share", channel, factor),
-            lambda rgba: (rgba[:, :, channel : channel + 1] * np.float32(factor / 255.0)).astype(np.float16),
-        )
-        return _number_if_constant(texture)
+        return _number_if_constant(self._texture(info, {channel: _CODES * factor}))
 
     def mask(self, info: Info, factor: float, cutoff: float) -> Texture | float:
         """1 where alpha times a factor reaches the cutoff, else 0."""
-        texture = self._texture(
-            info,
-            ("mask", factor, cutoff),
-            lambda rgba: (rgba[:, :, ALPHA:] * (factor / 255.0) >= cutoff).astype(np.float16),
-        )
-        return _number_if_constant(texture)
+        return _number_if_constant(self._texture(info, {ALPHA: (_CODES * factor >= cutoff).astype(np.float64)}))
 
     def normals(self, info: Info) -> Texture:
         """Tangent-space normals, x and y times the scale that the file gives them."""
-        scale = np.array([info.get("scale", 1.0), info.get("scale", 1.0), 1.0], dtype=np.float32)
-        return self._texture(
-            info,
-            ("normals",),
-            lambda rgba: (0.5 + (rgba[:, :, :3] / np.float32(255) - 0.5) * scale).astype(np.float16),
-        )
+        leaning = 0.5 + (_CODES - 0.5) * info.get("scale", 1.0)
+        return self._texture(info, {RED: leaning, GREEN: leaning, BLUE: _CODES})
 
-    def _texture(
-        self, info: Info, what: tuple[Any, ...], pixels: Callable[[NDArray[np.uint8]], NDArray[np.floating]]
-    ) -> Texture:
-        key = (json.dumps(info, sort_keys=True), *what)
+    def _texture(self, info: Info, tables: Mapping[int, NDArray[np.float64]]) -> Texture:
+        """A texture of some channels, with a table of values for the 256 codes of each."""
+        key = (json.dumps(info, sort_keys=True), *((channel, t.tobytes()) for channel, t in tables.items()))
         if key not in self._made:
             header = self._file.header
             texture = header["textures"][info["index"]]
             source = texture.get("extensions", {}).get("EXT_texture_webp", texture)["source"]
             sampler = header["samplers"][texture["sampler"]] if "sampler" in texture else {}
+            codes = self._file.image(source)
+            channels = [table.astype(np.float16)[codes[:, :, channel]] for channel, table in tables.items()]
             self._made[key] = Texture(
-                pixels(self._file.image(source)),
+                np.stack(channels, axis=-1),
                 wrap=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
                 nearest=sampler.get("magFilter") == _NEAREST_FILTER,
                 to_uv=_to_uv(_transform(info)),

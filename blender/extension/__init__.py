@@ -1,0 +1,45 @@
+"""lightdepth in Blender: the panorama becomes a place, objects are put in, F12 renders.
+
+The renderer itself is a separate program, which this extension runs and imports nothing of.
+"""
+
+import bpy
+
+from . import (
+    calibration,
+    checking,
+    engine,
+    evaluation,
+    export,
+    modelling,
+    panels,
+    panorama,
+    preferences,
+    process,
+    properties,
+    rest,
+    roles,
+)
+
+_MODULES = (properties, preferences, panorama, roles, rest, calibration, modelling, export, checking, engine, panels)
+
+
+def register() -> None:
+    """Add everything to Blender."""
+    for module in _MODULES:
+        for item in module.classes:
+            bpy.utils.register_class(item)
+    properties.register()
+    evaluation.register()
+    panels.register()
+
+
+def unregister() -> None:
+    """Take everything out of Blender, and end what still renders."""
+    process.end_all()
+    panels.unregister()
+    evaluation.unregister()
+    properties.unregister()
+    for module in reversed(_MODULES):
+        for item in reversed(module.classes):
+            bpy.utils.unregister_class(item)

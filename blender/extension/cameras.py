@@ -1,0 +1,162 @@
+"""Blender's cameras as cameras of the scene file."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import bpy
+from mathutils import Matrix
+
+from .picking import capture_pose
+
+FISHEYES = {"FISHEYE_EQUIDISTANT": "equidistant", "FISHEYE_EQUISOLID": "equisolid"}
+CAMERA_TURN = Matrix(((1, 0, 0), (0, 0, 1), (0, -1, 0)))
+"""Turns the scene file's camera space (looks along +y, z up) into Blender's (looks along -z, y up)."""
+
+
+class CameraError(Exception):
+    """The camera's settings have no counterpart."""
+
+
+def panoramic(camera: bpy.types.Camera):
+    """Where Blender keeps the settings of panoramic cameras: on the camera since 5.0, in Cycles' settings before."""
+    return camera if hasattr(camera, "panorama_type") else camera.cycles
+
+
+def resolution(scene: bpy.types.Scene) -> tuple[int, int]:
+    """Width and height of the rendered picture, pixels."""
+    render = scene.render
+    share = render.resolution_percentage / 100.0
+    return int(render.resolution_x * share), int(render.resolution_y * share)
+
+
+def camera_table(item, scene) -> tuple[dict[str, Any], list[str]]:
+    """The ``[camera.NAME]`` table of a camera.
+
+    Args:
+        item: the camera object, evaluated.
+        scene: the scene, evaluated, for the resolution and the capture point.
+
+    Returns:
+        The table, and notes on what of the camera cannot be carried.
+
+    Raises:
+        CameraError: the picture could not be what Blender shows.
+    """
+    if item.type != "CAMERA":
+        raise CameraError(f"Camera '{item.name}': it is no camera object")
+    camera, (width, height) = item.data, resolution(scene)
+    _check_pixels(item.name, scene)
+    if camera.type == "PERSP":
+        table, notes = _perspective(item, width, height)
+    elif camera.type == "PANO":
+        table, notes = _panoramic(item.name, camera, width, height)
+    else:
+        raise CameraError(
+            f"Camera '{item.name}': an orthographic camera cannot be rendered; use perspective or panoramic"
+        )
+    if not (table["type"] == "equirectangular" and _is_at_capture(item, scene)):
+        table |= pose(item.matrix_world)
+    return table, notes
+
+
+def pose(matrix: Matrix) -> Mapping[str, list[float]]:
+    """``position`` and ``rotation`` of a Blender camera's matrix, as the scene file means them."""
+    rotation = matrix.to_quaternion().to_matrix() @ CAMERA_TURN
+    return {
+        "position": list(matrix.translation),
+        "rotation": [math.degrees(angle) for angle in rotation.to_euler("XYZ")],
+    }
+
+
+def _is_at_capture(item, scene) -> bool:
+    """Whether the camera stands and looks as the panorama was taken.
+
+    Its pose is then left to the scene file's default: the photograph's pixels come through as they are.
+    """
+    if scene.lightdepth.capture is None:
+        return False
+    capture = capture_pose(scene.lightdepth)
+    turned = item.matrix_world.to_quaternion().to_matrix() @ CAMERA_TURN
+    apart = (item.matrix_world.translation - capture.translation).length
+    return apart < 1e-5 and all(abs(turned[i][j] - capture[i][j]) < 1e-5 for i in range(3) for j in range(3))
+
+
+def _check_pixels(name, scene) -> None:
+    if scene.render.pixel_aspect_x != scene.render.pixel_aspect_y:
+        raise CameraError(f"Camera '{name}': pixels must be square; set both aspects in the output's format to 1")
+
+
+def _perspective(item, width, height):
+    camera = item.data
+    fit = camera.sensor_fit
+    horizontal = fit == "HORIZONTAL" or (fit == "AUTO" and width >= height)
+    sensor = camera.sensor_height if fit == "VERTICAL" else camera.sensor_width
+    fitted = width if horizontal else height  # the side of the picture that the sensor spans
+    table = {
+        "type": "perspective",
+        "width": width,
+        "height": height,
+        "fov": math.degrees(2.0 * math.atan(0.5 * sensor / camera.lens * width / fitted)),
+    }
+    if camera.shift_x or camera.shift_y:
+        table["shift"] = [camera.shift_x * fitted / width, camera.shift_y * fitted / width]
+    notes = []
+    if camera.dof.use_dof:
+        table["aperture"] = 0.5e-3 * camera.lens / camera.dof.aperture_fstop
+        table["focus_distance"] = _focus_distance(item)
+        if camera.dof.aperture_blades or camera.dof.aperture_ratio != 1.0:
+            notes.append(f"Camera '{item.name}': the aperture is round; its blades and ratio are not carried")
+    return table, notes
+
+
+def _focus_distance(item) -> float:
+    target = item.data.dof.focus_object
+    if target is None:
+        return item.data.dof.focus_distance
+    axis = item.matrix_world.to_quaternion() @ Matrix.Identity(3).col[2]
+    return abs((item.matrix_world.translation - target.matrix_world.translation).dot(axis))
+
+
+def _panoramic(name, camera, width, height):
+    settings = panoramic(camera)
+    kind = settings.panorama_type
+    if camera.shift_x or camera.shift_y:
+        raise CameraError(f"Camera '{name}': a panoramic lens cannot be shifted; set both shifts to 0")
+    if kind == "EQUIRECTANGULAR":
+        limits = (settings.longitude_min, settings.longitude_max, settings.latitude_min, settings.latitude_max)
+        if any(abs(a - b) > 1e-4 for a, b in zip(limits, (-math.pi, math.pi, -math.pi / 2, math.pi / 2), strict=True)):
+            raise CameraError(
+                f"Camera '{name}': a panorama is 360 x 180 degrees; limits on longitude and latitude do not work"
+            )
+        if width != 2 * height:
+            raise CameraError(
+                f"Camera '{name}': a panorama is twice as wide as high; the resolution is {width} x {height}"
+            )
+        return {"type": "equirectangular", "width": width}, []
+    if kind not in FISHEYES:
+        raise CameraError(
+            f"Camera '{name}': the panorama type must be equirectangular, fisheye equidistant or fisheye equisolid"
+        )
+    if width != height:
+        raise CameraError(f"Camera '{name}': a fisheye picture is square; the resolution is {width} x {height}")
+    table = {"type": "fisheye", "width": width, "mapping": FISHEYES[kind]}
+    if kind == "FISHEYE_EQUIDISTANT":
+        return table | {"fov": math.degrees(settings.fisheye_fov)}, []
+    # Cycles: sin(theta / 2) = r / (2 lens), with r in mm on the sensor; the circle that touches the picture's sides
+    # has r = sensor / 2.
+    sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
+    sine = sensor / (4.0 * settings.fisheye_lens)
+    if sine > 1.0:
+        raise CameraError(
+            f"Camera '{name}': a lens of {settings.fisheye_lens:g} mm sees everything inside the sensor of "
+            f"{sensor:g} mm; {sensor / 4.0:g} mm is the shortest"
+        )
+    fov = math.degrees(4.0 * math.asin(sine))
+    notes = []
+    if abs(fov - math.degrees(settings.fisheye_fov)) > 0.5:
+        notes.append(
+            f"Camera '{name}': the circle that touches the picture's sides shows {fov:.1f} degrees; it is rendered "
+            f"instead of the field of view of {math.degrees(settings.fisheye_fov):.1f} degrees"
+        )
+    return table | {"fov": fov}, notes

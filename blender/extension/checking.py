@@ -1,0 +1,134 @@
+"""Holes in the modelled place, found by ``lightdepth check`` and shown in red."""
+
+import tempfile
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+from mathutils.bvhtree import BVHTree
+
+from . import picking, roles
+from .evaluation import with_render_depsgraph
+from .export import ExportError, export_scene
+from .preferences import renderer_command
+from .process import RendererError, run_json
+from .properties import show_lines
+
+HOLES_NAME = "Holes"
+RED = (0.9, 0.05, 0.05, 1.0)
+CELLS = 64
+"""Rows of cells on the sphere of directions; there are twice as many columns."""
+
+
+class Check(bpy.types.Operator):
+    """Look for directions from the capture point that hit no modelled surface"""
+
+    bl_idname = "lightdepth.check"
+    bl_label = "Check for Holes"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        """There is a panorama with a capture point."""
+        settings = context.scene.lightdepth
+        return settings.image is not None and settings.capture is not None
+
+    def execute(self, context):
+        """Export the scene, run ``lightdepth check`` and show what it found."""
+        settings = context.scene.lightdepth
+
+        def look(depsgraph):
+            export_scene(depsgraph, path)
+            return hole_cells(depsgraph, settings)
+
+        try:
+            with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
+                path = Path(folder) / "scene.toml"
+                cells = with_render_depsgraph(context, look)
+                found = run_json(renderer_command(), ["check", str(path), "--json"])
+            problems = [f"{problem['severity']}: {problem['message']}" for problem in found["problems"]]
+            coverage = float(found["coverage"]["share"]) if found["coverage"] else -1.0
+        except (RendererError, ExportError, OSError) as error:
+            self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except (KeyError, TypeError, ValueError) as error:
+            self.report(
+                {"ERROR"}, f"The renderer's answer lacks a finding ({error}); is it of the extension's version?"
+            )
+            return {"CANCELLED"}
+        settings.coverage = coverage
+        show_lines(settings.check_notes, problems)
+        show_holes(context, cells)
+        for problem in problems:
+            self.report({"WARNING"}, problem)
+        return {"FINISHED"}
+
+
+def hole_cells(depsgraph, settings) -> list[tuple[int, int]]:
+    """Columns and rows of the cells of directions whose middle meets no real surface from the capture point."""
+    vertices, triangles = [], []
+    for instance in depsgraph.object_instances:
+        item = instance.object
+        if item.type == "MESH" and instance.show_self and item.lightdepth.role in roles.REAL:
+            mesh = item.to_mesh()
+            mesh.calc_loop_triangles()
+            start = len(vertices)
+            vertices += [instance.matrix_world @ vertex.co for vertex in mesh.vertices]
+            triangles += [[start + corner for corner in triangle.vertices] for triangle in mesh.loop_triangles]
+            item.to_mesh_clear()
+    surfaces = BVHTree.FromPolygons(vertices, triangles, all_triangles=True)
+    pose = picking.capture_pose(settings)
+    origin, turn = pose.translation, pose.to_3x3()
+    return [
+        (column, row)
+        for row in range(CELLS)
+        for column in range(2 * CELLS)
+        if surfaces.ray_cast(
+            origin, turn @ picking.panorama_direction((column + 0.5) / (2 * CELLS), (row + 0.5) / CELLS)
+        )[0]
+        is None
+    ]
+
+
+def show_holes(context, cells) -> None:
+    """Lay red patches around the capture point, over the directions of holes; never rendered.
+
+    Args:
+        context: Blender's.
+        cells: ``(column, row)`` of each hole.
+    """
+    old = context.scene.objects.get(HOLES_NAME)
+    if old is not None:
+        mesh = old.data
+        bpy.data.objects.remove(old)
+        bpy.data.meshes.remove(mesh)
+    if not cells:
+        return
+    vertices, faces = [], []
+    for column, row in cells:
+        faces.append(range(len(vertices), len(vertices) + 4))
+        for across, down in ((0, 0), (0, 1), (1, 1), (1, 0)):
+            vertices.append(picking.panorama_direction((column + across) / (2 * CELLS), (row + down) / CELLS))
+    mesh = bpy.data.meshes.new(HOLES_NAME)
+    mesh.from_pydata([tuple(vertex) for vertex in vertices], [], [tuple(face) for face in faces])
+    mesh.materials.append(_red())
+    patches = bpy.data.objects.new(HOLES_NAME, mesh)
+    patches.color = RED
+    patches.hide_render = patches.hide_select = True
+    patches.matrix_world = picking.capture_pose(context.scene.lightdepth)
+    context.scene.collection.objects.link(patches)
+
+
+def _red() -> bpy.types.Material:
+    material = bpy.data.materials.get(HOLES_NAME) or bpy.data.materials.new(HOLES_NAME)
+    material.diffuse_color = RED
+    material.use_nodes = True
+    nodes = material.node_tree.nodes
+    nodes.clear()
+    shader, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")
+    shader.inputs["Color"].default_value = RED
+    material.node_tree.links.new(shader.outputs[0], output.inputs["Surface"])
+    return material
+
+
+classes = (Check,)

@@ -1,0 +1,248 @@
+"""The panels: a tab in the viewport's sidebar, the object's and the render's properties, the panoramic lens."""
+
+from typing import ClassVar
+
+import bpy
+
+from . import calibration, checking, export, modelling, panorama, rest, roles
+from .cameras import panoramic
+from .evaluation import ENGINE
+
+
+class _Sidebar:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "lightdepth"
+
+
+class PanoramaPanel(_Sidebar, bpy.types.Panel):
+    """The photograph and where it was taken."""
+
+    bl_idname = "LIGHTDEPTH_PT_panorama"
+    bl_label = "Panorama"
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.lightdepth
+        layout.use_property_split = True
+        layout.operator(panorama.LoadPanorama.bl_idname, icon="FILE_FOLDER")
+        if settings.image is None:
+            return
+        layout.prop(settings, "image")
+        layout.prop(settings, "capture")
+        layout.prop(settings, "scale")
+        if settings.capture is not None:
+            layout.prop(settings.capture, "location")
+            layout.prop(settings.capture, "rotation_euler")
+        layout.operator(panorama.ViewFromCapture.bl_idname, icon="HIDE_OFF")
+
+
+def draw_calibration(layout, settings) -> None:
+    """The calibration's buttons and its result; used in the viewport and in the image editor."""
+    layout.use_property_split = True
+    layout.operator(calibration.ClickCorners.bl_idname, icon="RESTRICT_SELECT_OFF")
+    layout.label(text=f"{len(settings.corners)} of {calibration.CORNERS} corners")
+    layout.prop(settings, "known")
+    layout.prop(settings, "known_length")
+    layout.operator(calibration.Calibrate.bl_idname, icon="ORIENTATION_GIMBAL")
+    if settings.residual >= 0.0:
+        layout.label(text=f"Residual {settings.residual:.2f} degrees", icon="CHECKMARK")
+    _notes(layout, settings.calibration_notes)
+
+
+class CalibrationPanel(_Sidebar, bpy.types.Panel):
+    """Calibration in the viewport."""
+
+    bl_idname = "LIGHTDEPTH_PT_calibration"
+    bl_label = "Calibrate"
+
+    def draw(self, context):
+        draw_calibration(self.layout, context.scene.lightdepth)
+
+
+class ImageCalibrationPanel(bpy.types.Panel):
+    """Calibration in the image editor."""
+
+    bl_idname = "LIGHTDEPTH_PT_image_calibration"
+    bl_label = "Calibrate"
+    bl_space_type = "IMAGE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "lightdepth"
+
+    def draw(self, context):
+        draw_calibration(self.layout, context.scene.lightdepth)
+
+
+class PlacePanel(_Sidebar, bpy.types.Panel):
+    """Modelling the place."""
+
+    bl_idname = "LIGHTDEPTH_PT_place"
+    bl_label = "Place"
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.lightdepth
+        column = layout.column(align=True)
+        column.operator(modelling.AddRoom.bl_idname, icon="MOD_BUILD")
+        column.operator(modelling.AddBox.bl_idname, icon="MESH_CUBE")
+        column.operator(modelling.AddTop.bl_idname, icon="MESH_PLANE")
+        column = layout.column(align=True)
+        column.label(text="Role of what is selected")
+        for role, name, _, icon, _ in roles.ITEMS:
+            column.operator(roles.SetRole.bl_idname, text=name, icon=icon).role = role
+        layout.operator(roles.ShowRoles.bl_idname, icon="COLOR")
+        column = layout.column(align=True)
+        column.operator(rest.StoreRest.bl_idname, icon="PINNED")
+        column.operator(rest.ClearRest.bl_idname, icon="UNPINNED")
+        layout.operator(checking.Check.bl_idname, icon="VIEWZOOM")
+        if settings.coverage >= 0.0:
+            icon = "CHECKMARK" if settings.coverage >= 1.0 else "ERROR"
+            layout.label(text=f"Coverage {100.0 * settings.coverage:.2f} %", icon=icon)
+        _notes(layout, settings.check_notes)
+
+
+class ExportPanel(_Sidebar, bpy.types.Panel):
+    """Export for the command line."""
+
+    bl_idname = "LIGHTDEPTH_PT_export"
+    bl_label = "Export"
+
+    def draw(self, context):
+        self.layout.operator(export.ExportScene.bl_idname, icon="EXPORT")
+        _notes(self.layout, context.scene.lightdepth.export_notes)
+
+
+def _notes(layout, lines) -> None:
+    column = layout.column(align=True)
+    for line in lines:
+        column.label(text=line.text, icon="INFO")
+
+
+class ObjectPanel(bpy.types.Panel):
+    """The object's role."""
+
+    bl_idname = "LIGHTDEPTH_PT_object"
+    bl_label = "lightdepth"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "object"
+
+    @classmethod
+    def poll(cls, context):
+        """The object has surfaces."""
+        return context.object is not None and context.object.type in export.WITH_SURFACE
+
+    def draw(self, context):
+        layout, settings = self.layout, context.object.lightdepth
+        layout.use_property_split = True
+        layout.prop(settings, "role", expand=True)
+        if settings.role == roles.SUPPORT:
+            layout.prop(settings, "use_gloss")
+            column = layout.column()
+            column.active = settings.use_gloss
+            column.prop(settings, "roughness")
+            column.prop(settings, "specular")
+        if settings.role in roles.REAL and context.object.type == "MESH":
+            stored = panorama.REST in context.object.data.attributes
+            layout.label(
+                text="Rest positions stored" if stored else "No rest positions", icon="PINNED" if stored else "UNPINNED"
+            )
+
+
+class _Rendering:
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    COMPAT_ENGINES: ClassVar = {ENGINE}
+
+    @classmethod
+    def poll(cls, context):
+        """The engine is lightdepth."""
+        return context.engine in cls.COMPAT_ENGINES
+
+
+class RenderPanel(_Rendering, bpy.types.Panel):
+    """Sampling."""
+
+    bl_idname = "LIGHTDEPTH_PT_render"
+    bl_label = "Sampling"
+    bl_context = "render"
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.lightdepth
+        layout.use_property_split = True
+        layout.prop(settings, "samples")
+        row = layout.row(heading="Stop at Noise")
+        row.prop(settings, "use_noise", text="")
+        column = row.column()
+        column.active = settings.use_noise
+        column.prop(settings, "noise", text="")
+        layout.prop(settings, "max_bounces")
+        layout.prop(settings, "seed")
+        layout.prop(settings, "method")
+        layout.prop(settings, "denoise")
+
+
+class PanoramicLensPanel(_Rendering, bpy.types.Panel):
+    """The panoramic lens, which Cycles' own panel shows only for Cycles."""
+
+    bl_idname = "LIGHTDEPTH_PT_panoramic_lens"
+    bl_label = "Panoramic Lens"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        """The data is a panoramic camera, the engine lightdepth."""
+        return super().poll(context) and context.camera is not None and context.camera.type == "PANO"
+
+    def draw(self, context):
+        layout, camera = self.layout, context.camera
+        settings = panoramic(camera)
+        layout.use_property_split = True
+        layout.prop(settings, "panorama_type")
+        if settings.panorama_type == "FISHEYE_EQUIDISTANT":
+            layout.prop(settings, "fisheye_fov")
+        elif settings.panorama_type == "FISHEYE_EQUISOLID":
+            layout.prop(settings, "fisheye_lens")
+            layout.prop(settings, "fisheye_fov")
+            layout.prop(camera, "sensor_width")
+
+
+classes = (
+    PanoramaPanel,
+    CalibrationPanel,
+    ImageCalibrationPanel,
+    PlacePanel,
+    ExportPanel,
+    ObjectPanel,
+    RenderPanel,
+    PanoramicLensPanel,
+)
+
+_OTHERS = (
+    "EEVEE_MATERIAL_PT_context_material",
+    "EEVEE_MATERIAL_PT_surface",
+    "DATA_PT_EEVEE_light",
+    "DATA_PT_EEVEE_light_distance",
+)
+"""Blender's panels of materials and lamps, which are EEVEE's but serve as well here."""
+_NOT_OURS = ("VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes", "RENDER_PT_freestyle")
+
+
+def _blenders_panels():
+    """Blender's own panels that are as useful for this engine."""
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", None)
+        useful = engines is not None and ("BLENDER_RENDER" in engines or panel.__name__ in _OTHERS)
+        if useful and panel.__name__ not in _NOT_OURS:
+            yield panel
+
+
+def register() -> None:
+    """Let Blender's own panels show for this engine."""
+    for panel in _blenders_panels():
+        panel.COMPAT_ENGINES.add(ENGINE)
+
+
+def unregister() -> None:
+    """Take them back."""
+    for panel in bpy.types.Panel.__subclasses__():
+        if panel not in classes and ENGINE in getattr(panel, "COMPAT_ENGINES", ()):
+            panel.COMPAT_ENGINES.discard(ENGINE)

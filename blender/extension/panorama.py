@@ -1,0 +1,202 @@
+"""The panorama around the viewport: on the world while nothing is modelled, projected onto what is modelled.
+
+A point ``p`` of the world shows the panorama's direction ``R^T (p - c)``, with ``c`` and ``R`` the capture point's
+position and rotation; a deformed surface shows that of its rest position. Node graphs compute it, and drivers keep
+them at the capture point when it is moved.
+"""
+
+import math
+from pathlib import Path
+from typing import ClassVar
+
+import bpy
+from bpy_extras.io_utils import ImportHelper
+
+REST = "rest"
+"""Name of the vertex attribute with environment texture coordinates: positions in the world, metres."""
+CAPTURE_NAME = "Capture point"
+WORLD_NAME = "lightdepth panorama"
+SURFACE_NAMES = {False: "lightdepth projection", True: "lightdepth projection at rest"}
+"""Materials that show the panorama on a surface, by whether it has rest positions."""
+EYE_HEIGHT = 1.6
+
+
+def file_of(image: bpy.types.Image, folder: Path) -> Path:
+    """The panorama's file; one that is packed into the .blend is written into a folder first.
+
+    Raises:
+        FileNotFoundError: the file is gone.
+        OSError: the packed file cannot be written.
+    """
+    path = Path(bpy.path.abspath(image.filepath, library=image.library))
+    if image.packed_file is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        path = folder / (path.name or "panorama.exr")
+        path.write_bytes(image.packed_file.data)
+    elif not path.is_file():
+        raise FileNotFoundError(f"The panorama's file is gone: {path}")
+    return path
+
+
+def rebuild(scene: bpy.types.Scene) -> None:
+    """Make the world and the projecting materials show the scene's panorama from its capture point."""
+    settings = scene.lightdepth
+    if settings.image is None or settings.capture is None:
+        return
+    world = bpy.data.worlds.get(WORLD_NAME) or bpy.data.worlds.new(WORLD_NAME)
+    scene.world = world
+    _build(world, "ShaderNodeOutputWorld", "ShaderNodeBackground", settings, at_infinity=True)
+    for has_rest, name in SURFACE_NAMES.items():
+        material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
+        _build(material, "ShaderNodeOutputMaterial", "ShaderNodeEmission", settings, has_rest=has_rest)
+    for item in scene.objects:
+        if item.type == "MESH" and item.lightdepth.role != "SYNTHETIC":
+            project_onto(item)
+
+
+def _build(owner, output_type, shader_type, settings, at_infinity=False, has_rest=False) -> None:
+    """Make the node graph of a world or a material anew."""
+    owner.use_nodes = True
+    nodes, links = owner.node_tree.nodes, owner.node_tree.links
+    owner.node_tree.animation_data_clear()
+    nodes.clear()
+    output, shader = nodes.new(output_type), nodes.new(shader_type)
+    picture, to_blender, to_light = (
+        nodes.new("ShaderNodeTexEnvironment"),
+        nodes.new("ShaderNodeMapping"),
+        nodes.new("ShaderNodeMapping"),
+    )
+    picture.image = settings.image
+    shader.inputs["Strength"].default_value = settings.scale
+    # Light space looks along +y at the panorama's centre, Blender's environment texture along +x.
+    to_blender.label, to_blender.inputs["Rotation"].default_value = "Light space to texture", (0.0, 0.0, -math.pi / 2)
+    to_light.label, to_light.vector_type = "World to light space", "TEXTURE"  # 'TEXTURE' is the inverse transform
+    _follow(to_light.inputs["Rotation"], settings.capture, "ROT")
+    if at_infinity:
+        source = nodes.new("ShaderNodeTexCoord").outputs["Generated"]
+    else:
+        _follow(to_light.inputs["Location"], settings.capture, "LOC")
+        if has_rest:
+            attribute = nodes.new("ShaderNodeAttribute")
+            attribute.attribute_name = REST
+            source = attribute.outputs["Vector"]
+        else:
+            source = nodes.new("ShaderNodeNewGeometry").outputs["Position"]
+    links.new(source, to_light.inputs["Vector"])
+    links.new(to_light.outputs["Vector"], to_blender.inputs["Vector"])
+    links.new(to_blender.outputs["Vector"], picture.inputs["Vector"])
+    links.new(picture.outputs["Color"], shader.inputs["Color"])
+    links.new(shader.outputs[0], output.inputs["Surface"])
+    for place, node in enumerate((source.node, to_light, to_blender, picture, shader, output)):
+        node.location = (240.0 * place, 0.0)
+
+
+def _follow(socket, target, channel) -> None:
+    """Drive a vector socket by a channel of an object's transform in the world."""
+    for index, axis in enumerate("XYZ"):
+        driver = socket.driver_add("default_value", index).driver
+        driver.type = "SUM"  # of one variable: works where scripts may not run
+        variable = driver.variables.new()
+        variable.type = "TRANSFORMS"
+        variable.targets[0].id = target
+        variable.targets[0].transform_type = f"{channel}_{axis}"
+        variable.targets[0].transform_space = "WORLD_SPACE"
+        variable.targets[0].rotation_mode = "XYZ"
+
+
+def project_onto(item: bpy.types.Object) -> None:
+    """Let a mesh show the panorama, once there is one."""
+    material = bpy.data.materials.get(SURFACE_NAMES[REST in item.data.attributes])
+    if material is not None and list(item.data.materials) != [material]:
+        item.data.materials.clear()
+        item.data.materials.append(material)
+
+
+def stop_projecting_onto(item: bpy.types.Object) -> None:
+    """Take the panorama off a mesh."""
+    if any(material is not None and material.name in SURFACE_NAMES.values() for material in item.data.materials):
+        item.data.materials.clear()
+
+
+def show_in(space: bpy.types.SpaceView3D) -> None:
+    """Switch a viewport to the shading that shows the panorama."""
+    space.shading.type = "MATERIAL"
+    space.shading.use_scene_world = True
+    space.shading.use_scene_lights = True
+
+
+class LoadPanorama(bpy.types.Operator, ImportHelper):
+    """Load an equirectangular HDR panorama and stand in it"""
+
+    bl_idname = "lightdepth.load_panorama"
+    bl_label = "Load Panorama"
+    bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    filter_glob: bpy.props.StringProperty(default="*.exr;*.hdr", options={"HIDDEN"})
+
+    def execute(self, context):
+        """Load the file, add the capture point where there is none, and show the picture in all viewports."""
+        try:
+            image = bpy.data.images.load(self.filepath, check_existing=True)
+        except RuntimeError as error:
+            self.report({"ERROR"}, str(error).strip())
+            return {"CANCELLED"}
+        width, height = image.size
+        if width != 2 * height or width == 0:
+            self.report(
+                {"ERROR"},
+                f"{Path(self.filepath).name} has {width} x {height} pixels; a panorama is twice as wide as high",
+            )
+            if image.users == 0:
+                bpy.data.images.remove(image)
+            return {"CANCELLED"}
+        settings = context.scene.lightdepth
+        if settings.capture is None:
+            settings.capture = _new_capture_point(context)
+        settings.image = image
+        context.view_layer.update()  # so that what follows in a script finds the capture point where it is
+        for window in context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D":
+                    show_in(area.spaces.active)
+        return {"FINISHED"}
+
+
+def _new_capture_point(context) -> bpy.types.Object:
+    capture = bpy.data.objects.new(CAPTURE_NAME, None)
+    capture.empty_display_type = "ARROWS"
+    capture.empty_display_size = 0.3
+    capture.location = (0.0, 0.0, EYE_HEIGHT)
+    context.scene.collection.objects.link(capture)
+    return capture
+
+
+class ViewFromCapture(bpy.types.Operator):
+    """Look around from the capture point, where the photograph and the model must coincide"""
+
+    bl_idname = "lightdepth.view_from_capture"
+    bl_label = "View from Capture Point"
+
+    @classmethod
+    def poll(cls, context):
+        """There is a capture point, and the operator is used in a 3D viewport."""
+        return (
+            context.scene.lightdepth.capture is not None
+            and context.space_data is not None
+            and context.space_data.type == "VIEW_3D"
+        )
+
+    def execute(self, context):
+        """Move the viewport's eye to the capture point and keep where it looks."""
+        from mathutils import Vector
+
+        view = context.space_data.region_3d
+        view.view_perspective = "PERSP"
+        view.view_distance = 0.05  # the viewport turns about a point this far before the eye
+        eye = context.scene.lightdepth.capture.matrix_world.translation
+        view.view_location = eye + view.view_rotation @ Vector((0.0, 0.0, -view.view_distance))
+        context.space_data.clip_start = 0.01
+        return {"FINISHED"}
+
+
+classes = (LoadPanorama, ViewFromCapture)

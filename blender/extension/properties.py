@@ -1,0 +1,141 @@
+"""What a .blend file keeps: the settings of scenes and of objects."""
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from . import panorama, roles
+
+METHODS = (
+    ("difference", "Difference", "Only what the new objects change is sampled; the photograph stays noise-free"),
+    ("envpath", "Envpath", "The paper's path tracer, which renders the photograph again"),
+    ("directional", "Directional", "The panorama as light from infinitely far away, for comparison"),
+)
+KNOWN_LENGTHS = (
+    ("WIDTH", "Width", "Length of the rectangle's first side, from the first corner to the second"),
+    ("LENGTH", "Length", "Length of the rectangle's second side, from the second corner to the third"),
+    ("CAMERA", "Camera Height", "Height of the capture point above the floor"),
+)
+
+
+class Line(bpy.types.PropertyGroup):
+    """One line of text that a panel shows."""
+
+    text: StringProperty()
+
+
+class FloorCorner(bpy.types.PropertyGroup):
+    """A corner on the floor plane."""
+
+    position: FloatVectorProperty(name="Position", size=2, subtype="XYZ", unit="LENGTH")
+
+
+class PanoramaPoint(bpy.types.PropertyGroup):
+    """A place on the panorama, each coordinate in [0, 1] from the upper left corner."""
+
+    u: FloatProperty(name="u", min=0.0, max=1.0)
+    v: FloatProperty(name="v", min=0.0, max=1.0)
+
+
+class SceneSettings(bpy.types.PropertyGroup):
+    """The place and how it is rendered."""
+
+    image: PointerProperty(
+        name="Panorama",
+        description="Equirectangular HDR image, twice as wide as high",
+        type=bpy.types.Image,
+        update=lambda self, context: panorama.rebuild(self.id_data),
+    )
+    capture: PointerProperty(
+        name="Capture Point",
+        description="Empty that stands where the panorama was taken and is turned as the camera was",
+        type=bpy.types.Object,
+        poll=lambda self, item: item.type == "EMPTY",
+        update=lambda self, context: panorama.rebuild(self.id_data),
+    )
+    scale: FloatProperty(
+        name="Radiance",
+        description="Factor on the panorama's radiance",
+        default=1.0,
+        min=0.0,
+        soft_max=10.0,
+        update=lambda self, context: panorama.rebuild(self.id_data),
+    )
+
+    corners: CollectionProperty(
+        type=PanoramaPoint, description="Corners of a rectangle on the floor, counter-clockwise"
+    )
+    known: EnumProperty(name="Known", items=KNOWN_LENGTHS, default="CAMERA")
+    known_length: FloatProperty(name="Length", default=1.6, min=0.001, soft_max=20.0, unit="LENGTH")
+    residual: FloatProperty(
+        name="Residual", description="Error of the solved pose, degrees; -1: not solved", default=-1.0
+    )
+    calibration_notes: CollectionProperty(type=Line)
+
+    coverage: FloatProperty(
+        description="Share of directions that hit something or are sky; -1: not checked", default=-1.0
+    )
+    check_notes: CollectionProperty(type=Line)
+    export_notes: CollectionProperty(type=Line)
+
+    samples: IntProperty(name="Samples", description="Samples per pixel", default=64, min=1, soft_max=4096)
+    use_noise: BoolProperty(name="Stop at Noise", description="Stop as soon as the picture is clean enough")
+    noise: FloatProperty(
+        name="Noise", description="Estimated relative error to stop at", default=0.02, min=0.0001, max=1.0, precision=4
+    )
+    max_bounces: IntProperty(name="Max Bounces", default=8, min=1, soft_max=64)
+    seed: IntProperty(name="Seed", default=0, min=0)
+    method: EnumProperty(name="Method", items=METHODS, default="difference")
+    denoise: BoolProperty(name="Denoise", description="Denoise the change and the new objects; never the photograph")
+
+
+class ObjectSettings(bpy.types.PropertyGroup):
+    """What an object stands for."""
+
+    role: EnumProperty(
+        name="Role",
+        description="What this object stands for",
+        items=roles.ITEMS,
+        default=roles.SYNTHETIC,
+        update=lambda self, context: roles.show_role(self.id_data),
+    )
+    use_gloss: BoolProperty(name="Gloss", description="The real surface also mirrors the new objects")
+    roughness: FloatProperty(name="Roughness", default=0.2, min=0.0, max=1.0, subtype="FACTOR")
+    specular: FloatProperty(
+        name="Specular", description="0.5 mirrors 4 %", default=0.5, min=0.0, max=1.0, subtype="FACTOR"
+    )
+
+
+def show_lines(collection, lines) -> None:
+    """Replace the lines that a panel shows.
+
+    Args:
+        collection: a collection property of :class:`Line`.
+        lines: the texts.
+    """
+    collection.clear()
+    for line in lines:
+        collection.add().text = line
+
+
+classes = (Line, FloorCorner, PanoramaPoint, SceneSettings, ObjectSettings)
+
+
+def register() -> None:
+    """Attach the settings to Blender's scenes and objects."""
+    bpy.types.Scene.lightdepth = PointerProperty(type=SceneSettings)
+    bpy.types.Object.lightdepth = PointerProperty(type=ObjectSettings)
+
+
+def unregister() -> None:
+    """Detach the settings."""
+    del bpy.types.Scene.lightdepth
+    del bpy.types.Object.lightdepth

@@ -1,0 +1,131 @@
+"""Hugin's command-line tools: control points between photographs, and the optimisation of lens and poses."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from lightdepth.capture.lens import PROJECTIONS
+from lightdepth.capture.rig import Rig
+from lightdepth.errors import LightdepthError, SetupError
+
+PACKAGES = {"enblend": "enblend"}
+"""Debian packages of the tools; those not named are in ``hugin-tools``."""
+
+ALIGNMENT_TOOLS = ("pto_gen", "pto_var", "cpfind", "cpclean", "autooptimiser", "pano_modify")
+
+LENS_VARIABLES = "v,a,b,c,d,e"
+
+
+def require(tools: Sequence[str]) -> None:
+    """Check that tools are installed.
+
+    Raises:
+        SetupError: one is not; the message names it and how to install it.
+    """
+    missing = [tool for tool in tools if shutil.which(tool) is None]
+    if missing:
+        packages = sorted({PACKAGES.get(tool, "hugin-tools") for tool in missing})
+        raise SetupError(
+            f"{', '.join(missing)} not found on the PATH: stitching needs Hugin's command-line tools; install them with "
+            f"'apt-get install {' '.join(packages)}' (Debian, Ubuntu) or from https://hugin.sourceforge.io"
+        )
+
+
+def run(tool: str, *arguments: str, folder: Path) -> str:
+    """Run a tool in a folder and return what it printed.
+
+    Raises:
+        SetupError: it is not installed.
+        LightdepthError: it failed; the message has its last words.
+    """
+    require([tool])
+    finished = subprocess.run(
+        [tool, *arguments],
+        cwd=folder,
+        env={**os.environ, "LC_ALL": "C", "TMPDIR": str(folder)},
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        check=False,
+    )
+    if finished.returncode != 0:
+        words = (finished.stderr.strip() or finished.stdout.strip()).splitlines()[-5:]
+        raise LightdepthError(f"{tool} failed with status {finished.returncode}: {' / '.join(words) or 'no message'}")
+    return finished.stdout
+
+
+def find_poses(
+    images: Sequence[str],
+    folder: Path,
+    projection: str,
+    fov: float,
+    rig: Rig | None,
+    rolls: Sequence[float],
+    circular: bool,
+    progress: Callable[[str], None],
+) -> tuple[Path, Path]:
+    """Find control points and optimise lens and poses.
+
+    Args:
+        images: names of images in ``folder``, all taken with the same lens.
+        folder: where the tools work.
+        projection: a key of :data:`lightdepth.capture.lens.PROJECTIONS`.
+        fov: degrees across an image's width, as far as known.
+        rig: orientations as far as known; the first image then keeps its own.
+        rolls: degrees by which the camera was turned about its axis, where no rig is known.
+        circular: the images are black outside the circle within their square.
+        progress: called before each step with its name.
+
+    Returns:
+        ``(matched, optimised)``: project files with the control points found, and with lens and poses.
+    """
+    progress("project")
+    number = PROJECTIONS[projection]
+    run("pto_gen", "-o", "images.pto", "-p", str(number), "-f", f"{fov:.6f}", "-s", "1", *images, folder=folder)
+    project = "images.pto"
+    if circular:
+        project = _edit(folder, project, "circle.pto", "--crop=100%,100%")
+    if rig is not None:
+        poses = ",".join(f"y{i}={yaw},p{i}={pitch},r{i}={roll}" for i, (yaw, pitch, roll) in enumerate(rig))
+        project = _edit(folder, project, "rig.pto", f"--set={poses}")
+    elif any(rolls):
+        project = _edit(
+            folder, project, "rolls.pto", "--set=" + ",".join(f"r{i}={roll}" for i, roll in enumerate(rolls))
+        )
+    progress("control points")
+    strategy = "--prealigned" if rig is not None else "--multirow"
+    run("cpfind", strategy, "--sieve2size", "3", "-o", "matched.pto", project, folder=folder)
+    progress("cleaning control points")
+    project = _clean(folder, "matched.pto")
+    progress("lens and poses")
+    if rig is None:
+        # Pairwise from the first photograph on, then all poses and the field of view as far as the points allow.
+        run("autooptimiser", "-a", "-o", "posed.pto", project, folder=folder)
+        project = "posed.pto"
+    anchor = "!y0,!p0,!r0"
+    for step, lens in enumerate(("v", "v,b,d,e", LENS_VARIABLES)):
+        project = _edit(folder, project, f"variables{step}.pto", f"--opt=y,p,r,{lens},{anchor}")
+        run("autooptimiser", "-n", "-o", f"optimised{step}.pto", project, folder=folder)
+        project = f"optimised{step}.pto"
+    if rig is None:
+        run("pano_modify", "--straighten", "-o", "level.pto", project, folder=folder)
+        project = "level.pto"
+    return folder / "matched.pto", folder / project
+
+
+def _edit(folder: Path, project: str, result: str, change: str) -> str:
+    run("pto_var", change, "-o", result, project, folder=folder)
+    return result
+
+
+def _clean(folder: Path, project: str) -> str:
+    """The project without outliers; as it is where it holds too few points to judge."""
+    if sum(line.startswith("c ") for line in (folder / project).read_text().splitlines()) < 4:
+        return project
+    run("cpclean", "-o", "clean.pto", project, folder=folder)
+    return "clean.pto"

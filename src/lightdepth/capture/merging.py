@@ -1,0 +1,229 @@
+"""A bracket of photographs to one image of linear radiance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.capture import alignment
+from lightdepth.capture.exposure import Exposure
+from lightdepth.capture.fisheye import Circle, find_circle
+from lightdepth.capture.photograph import Codes, is_raw, read_photograph
+from lightdepth.capture.recovery import BLACK, WHITE, choose_samples, recover_response, sample_patches, trust
+from lightdepth.capture.response import Response, linear_response, srgb_response
+from lightdepth.errors import InputError
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is being done, and how many of how many parts of it are done."""
+
+GHOST = 0.05
+"""Difference of readings in [0, 1] beyond which something moved; noise is alike in all readings, and much smaller."""
+
+
+@dataclass(frozen=True)
+class Merged:
+    """An HDR image from a bracket.
+
+    Attributes:
+        radiance: linear RGB, shape (height, width, 3), float32; reading over exposure, see :meth:`Response.linear`.
+        seen: pixels that the lens reached, shape (height, width), bool.
+        clipped: pixels clipped in every exposure in some channel, the same shape; their radiance is a lower bound.
+        black: pixels black in every exposure in every channel, the same shape.
+        ghosts: share of the seen pixels at which some exposure was left out because something moved.
+        circle: the fisheye circle on the photographs, None for other lenses.
+    """
+
+    radiance: NDArray[np.float32]
+    seen: NDArray[np.bool_]
+    clipped: NDArray[np.bool_]
+    black: NDArray[np.bool_]
+    ghosts: float
+    circle: Circle | None
+
+
+def shared_response(
+    brackets: Sequence[Sequence[tuple[Path, Exposure]]], progress: Progress = lambda *_: None
+) -> tuple[Response, str]:
+    """The response of the camera that took some brackets.
+
+    Args:
+        brackets: photographs with their exposures, a list for each orientation; three of them are looked at.
+        progress: called after each photograph.
+
+    Returns:
+        The response, and how it was found: "recovered from the bracket", "linear (RAW)", or "sRGB" with the reason.
+    """
+    if is_raw(brackets[0][0][0]):
+        return linear_response(), "linear (RAW)"
+    chosen = [brackets[index] for index in sorted({0, len(brackets) // 3, 2 * len(brackets) // 3})]
+    total = sum(len(bracket) for bracket in chosen)
+    parts, done = [], 0
+    amounts = [exposure.amount for _, exposure in chosen[0]]
+    for bracket in chosen:
+        if not np.allclose([exposure.amount for _, exposure in bracket], amounts, rtol=0.01):
+            continue  # A bracket with other exposures cannot share one system of samples.
+        patches = []
+        for path, _ in bracket:
+            patches.append(sample_patches(read_photograph(path)))
+            done += 1
+            progress("camera response", done, total)
+        if len({mean.shape for mean, _ in patches}) > 1:
+            raise InputError(f"{bracket[0][0]}: the photographs of its bracket have different sizes")
+        parts.append(choose_samples(patches, count=2000 // len(chosen)))
+    response = recover_response(np.concatenate(parts), amounts)
+    if response is None:
+        return srgb_response(), "sRGB: the photographs do not determine the response"
+    return response, "recovered from the bracket"
+
+
+def merge(
+    bracket: Sequence[tuple[Path, Exposure]],
+    response: Response,
+    circle: Circle | str | None = None,
+    align: bool = False,
+    deghost: bool = False,
+    upright: bool = True,
+    progress: Progress = lambda *_: None,
+) -> Merged:
+    """Merge a bracket.
+
+    Each reading counts with its exposure (the light that made it, so the inverse variance of its photon noise) times
+    the trust in it: none for black and clipped ones. A pixel clipped in every exposure has the shortest one's value, a
+    pixel black in every exposure the longest one's.
+
+    Args:
+        bracket: photographs of the same view with their exposures, in any order.
+        response: the camera's.
+        circle: the fisheye circle, "auto" to find it, None for other lenses. The result is cropped to it.
+        align: undo the movement of a hand-held camera.
+        deghost: at each pixel leave out exposures that disagree with the best exposed one.
+        upright: turn the result as the first photograph's EXIF orientation says; fisheye images are never turned.
+        progress: called after each photograph.
+
+    Raises:
+        InputError: a photograph cannot be read, sizes differ, or no circle is found.
+    """
+    bracket = sorted(bracket, key=lambda pair: pair[1].amount)
+    amounts = [exposure.amount for _, exposure in bracket]
+    # A fisheye that looks up or down has no upright; the camera's idea of one may change within the bracket.
+    orientation = bracket[0][1].orientation if upright and circle is None else 1
+    passes = 1 + align + deghost
+    done = 0
+
+    def tick(what: str) -> None:
+        nonlocal done
+        done += 1
+        progress(what, done, passes * len(bracket))
+
+    def load(index: int) -> Codes:
+        codes = read_photograph(bracket[index][0], orientation)
+        if not shape:
+            shape.extend(codes.shape)
+        elif list(codes.shape) != shape:
+            raise InputError(
+                f"{bracket[index][0]}: is {codes.shape[1]} x {codes.shape[0]} pixels, others of its bracket are "
+                f"{shape[1]} x {shape[0]}; all must be alike"
+            )
+        return codes
+
+    shape: list[int] = []
+    if circle == "auto":
+        circle = find_circle(load(len(bracket) - 1))
+    matrices: list[NDArray[np.float64]] = []
+    scale = 1.0
+    if align:
+        small = []
+        for index in range(len(bracket)):
+            small.append(alignment.comparison_image(load(index)))
+            tick("aligning")
+        matrices = alignment.align(small, amounts)
+        scale = max(small[0].shape) / max(shape[:2])
+
+    def readings(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Radiance, and the trust in it, of a photograph."""
+        codes = load(index)
+        if align:
+            codes = alignment.move(codes, matrices[index], scale)
+        if isinstance(circle, Circle):
+            codes = circle.crop(codes)
+        return response.linear(codes) / np.float32(amounts[index]), _trust(codes)
+
+    reference = _reference(len(bracket), readings, tick) if deghost else None
+    total: NDArray[np.float32] | None = None
+    for index, amount in enumerate(amounts):
+        radiance, weight = readings(index)
+        if total is None:
+            total, weights = np.zeros_like(radiance), np.zeros_like(radiance)
+            clipped, black = np.ones(radiance.shape[:2], bool), np.ones(radiance.shape[:2], bool)
+            rejected = np.zeros(radiance.shape[:2], bool)
+            channel_clipped = np.ones(radiance.shape, bool)
+            shortest, longest = radiance, radiance
+        longest = radiance
+        level = response_bounds(response, amount)
+        channel_clipped &= radiance > level[1]
+        black &= (radiance < level[0]).all(axis=2)
+        if reference is not None:
+            moved = _moved(response.readings(radiance * amount), response.readings(reference * amount))
+            rejected |= moved
+            weight = weight * ~moved[..., None]
+        weight *= np.float32(amount)
+        total += weight * radiance
+        weights += weight
+        tick("merging")
+    assert total is not None
+    clipped = channel_clipped.any(axis=2)
+    known = weights > 0.0
+    result = np.divide(total, weights, out=total, where=known)
+    middle = response_bounds(response, amounts[0])[2]
+    np.copyto(result, np.where(shortest > middle, shortest, longest), where=~known)
+    seen = np.ones(clipped.shape, bool)
+    if isinstance(circle, Circle):
+        left, top, side = circle.box()
+        seen = Circle(circle.x - left, circle.y - top, circle.radius).inside(side, side)
+        seen &= circle.crop(np.ones(shape[:2], bool))
+        result[~seen] = 0.0
+    ghosts = float((rejected & seen).sum() / max(seen.sum(), 1))
+    return Merged(result, seen, clipped & seen, black & seen, ghosts, circle if isinstance(circle, Circle) else None)
+
+
+def response_bounds(response: Response, amount: float) -> NDArray[np.float32]:
+    """Radiance at which an exposure is black, clipped, and half its reading; shape (3, 3): bound, channel."""
+    levels = np.linspace(0.0, 1.0, response.curves.shape[1])
+    exposures = [[np.interp(reading, levels, curve) for curve in response.curves] for reading in (BLACK, WHITE, 0.5)]
+    return (np.array(exposures) / amount).astype(np.float32)
+
+
+def _trust(codes: Codes) -> NDArray[np.float32]:
+    white = np.iinfo(codes.dtype).max
+    return trust(np.arange(white + 1) / white).astype(np.float32)[codes]
+
+
+def _reference(
+    count: int, readings: Callable[[int], tuple[NDArray, NDArray]], tick: Callable[[str], None]
+) -> NDArray[np.float32]:
+    """Radiance of each pixel from a single photograph: the middle exposure, or the nearest one that shows the pixel."""
+    reference: NDArray[np.float32] | None = None
+    for index in sorted(range(count), key=lambda index: abs(index - count // 2)):
+        radiance, weight = readings(index)
+        quality = weight.min(axis=2)
+        if reference is None:
+            reference, best = radiance.copy(), quality
+        else:
+            # A well exposed pixel stays; a poor one gives way to any better, for its noise would look like a ghost.
+            better = (best < 0.95) & (quality > best)
+            reference[better], best = radiance[better], np.where(better, quality, best)
+        tick("looking for ghosts")
+    assert reference is not None
+    return reference
+
+
+def _moved(readings: NDArray[np.float32], expected: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Where a photograph disagrees with the reference, shape (height, width); a little wider than seen."""
+    differs = (np.abs(cv2.blur(readings - expected, (5, 5))) > GHOST).any(axis=2).astype(np.uint8)
+    # Edges of what moved are half transparent.
+    return cv2.dilate(differs, np.ones((9, 9), np.uint8)).astype(bool)

@@ -1,0 +1,177 @@
+"""What the user hands over, photographs or HDR images, to one image of linear radiance for each orientation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from lightdepth.capture.brackets import Bracket, brackets_in_folder, group_by_exposure
+from lightdepth.capture.exposure import Exposure, read_exposures
+from lightdepth.capture.fisheye import Circle, find_circle
+from lightdepth.capture.merging import Merged, Progress, merge, shared_response
+from lightdepth.capture.photograph import PHOTOGRAPHS, read_photograph
+from lightdepth.capture.response import Response
+from lightdepth.capture.stitching import Orientation
+from lightdepth.errors import InputError
+from lightdepth.images.exr import read_exr
+from lightdepth.images.radiance import READERS, read_radiance
+
+ROLLS = {3: 180.0, 6: 90.0, 8: -90.0}
+"""How far the camera was turned about its axis, by EXIF orientation."""
+
+
+@dataclass(frozen=True)
+class MergeOptions:
+    """How the brackets of a shoot are merged.
+
+    Attributes:
+        circle: fisheye circle, "auto", or None for other lenses.
+        response: the camera's, None to recover it.
+        exposures: table of exposures, None for EXIF.
+        bracket: photographs in a bracket where the user states it.
+        align: undo the movement of a hand-held camera within each bracket.
+        deghost: leave out what moved within each bracket.
+    """
+
+    circle: Circle | str | None = None
+    response: Response | None = None
+    exposures: Path | None = None
+    bracket: int | None = None
+    align: bool = False
+    deghost: bool = False
+
+
+@dataclass(frozen=True)
+class Shoot:
+    """All orientations of a shoot, as linear radiance.
+
+    Attributes:
+        orientations: the images.
+        response: of the camera; None where HDR images were given.
+        response_source: how the response was found.
+        photographs: for each orientation the names of its photographs.
+        exposure: of the first photograph; None where HDR images were given.
+        warnings: what the user should know.
+    """
+
+    orientations: list[Orientation]
+    response: Response | None
+    response_source: str
+    photographs: list[list[str]]
+    exposure: Exposure | None = None
+    warnings: list[str] = field(default_factory=list)
+
+
+def is_hdr(path: Path) -> bool:
+    """Whether a file is an HDR image by its name."""
+    return path.suffix.lower() in READERS
+
+
+def read_shoot(inputs: Sequence[Path], options: MergeOptions, progress: Progress = lambda *_: None) -> Shoot:
+    """Read and, where they are photographs, merge what the user handed over.
+
+    Args:
+        inputs: one folder, or HDR images, or photographs (brackets of several orientations, or one for each).
+        options: how to merge.
+        progress: called after each photograph.
+
+    Raises:
+        InputError: the inputs are missing or of mixed kinds, or cannot be merged.
+    """
+    for path in inputs:
+        if not path.exists():
+            raise InputError(f"{path}: no such file or folder")
+    if len(inputs) == 1 and inputs[0].is_dir():
+        hdr = sorted(path for path in inputs[0].iterdir() if is_hdr(path))
+        if hdr:
+            return _read_hdr(hdr, options, progress)
+        return _merge_all(brackets_in_folder(inputs[0], options.exposures, options.bracket), options, progress)
+    folders = [path for path in inputs if path.is_dir()]
+    if folders:
+        if len(folders) < len(inputs):
+            raise InputError(
+                f"{folders[0]}: is a folder; allowed are one folder, folders of one bracket each, or files"
+            )
+        brackets = [bracket for path in folders for bracket in brackets_in_folder(path, options.exposures)]
+        return _merge_all(brackets, options, progress)
+    if all(is_hdr(path) for path in inputs):
+        return _read_hdr(inputs, options, progress)
+    strange = [path for path in inputs if path.suffix.lower() not in PHOTOGRAPHS]
+    if strange:
+        raise InputError(
+            f"{strange[0]}: allowed are photographs ({', '.join(PHOTOGRAPHS)}) or HDR images ({', '.join(READERS)}), "
+            "not both"
+        )
+    pairs = list(zip(inputs, read_exposures(inputs, options.exposures), strict=True))
+    if options.bracket is not None:
+        if len(pairs) % options.bracket:
+            raise InputError(f"{len(pairs)} photographs are no multiple of --bracket {options.bracket}")
+        size = options.bracket
+        return _merge_all([pairs[start : start + size] for start in range(0, len(pairs), size)], options, progress)
+    return _merge_all(group_by_exposure(pairs), options, progress)
+
+
+def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Progress) -> Shoot:
+    warnings = []
+    sizes = [len(bracket) for bracket in brackets]
+    for bracket in brackets:
+        if len(bracket) < max(sizes):
+            warnings.append(f"{bracket[0][0].name}: its bracket has {len(bracket)} of {max(sizes)} exposures")
+    response, source = options.response, "given"
+    if response is None:
+        response, source = shared_response(brackets, progress)
+    if source.startswith("sRGB"):
+        warnings.append("the camera's response is taken to be sRGB, for the photographs do not determine it")
+    circle = options.circle
+    if circle == "auto":
+        # One lens, one circle: the median of three brackets' is steadier than each one's own.
+        chosen = [brackets[index] for index in sorted({0, len(brackets) // 2, len(brackets) - 1})]
+        brightest = [max(bracket, key=lambda pair: pair[1].amount)[0] for bracket in chosen]
+        circles = [find_circle(read_photograph(path)) for path in brightest]
+        circle = Circle(*np.median([(each.x, each.y, each.radius) for each in circles], axis=0).tolist())
+    orientations = []
+    for index, bracket in enumerate(brackets):
+
+        def tick(what: str, done: int, total: int, index: int = index) -> None:
+            progress(what, index * total + done, len(brackets) * total)
+
+        merged = merge(bracket, response, circle, options.align, options.deghost, upright=False, progress=tick)
+        orientations.append(_orientation(bracket, merged, options.circle is None))
+    names = [[path.name for path, _ in bracket] for bracket in brackets]
+    return Shoot(orientations, response, source, names, brackets[0][0][1], warnings)
+
+
+def _orientation(bracket: Bracket, merged: Merged, with_roll: bool) -> Orientation:
+    roll = ROLLS.get(bracket[0][1].orientation, 0.0) if with_roll else 0.0
+    return Orientation(bracket[0][0].name, merged.radiance, merged.seen, ~(merged.clipped | merged.black), roll)
+
+
+def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) -> Shoot:
+    orientations = []
+    for index, path in enumerate(paths):
+        radiance = np.ascontiguousarray(np.nan_to_num(read_radiance(path), nan=0.0, posinf=0.0))
+        seen = np.ones(radiance.shape[:2], dtype=bool)
+        if path.suffix.lower() == ".exr":
+            alpha = read_exr(path)[0].channels.get("A")
+            seen = seen if alpha is None else alpha > 0.5
+        circle = options.circle
+        if circle == "auto" and seen.all():
+            circle = find_circle(_as_photograph(radiance))
+        if isinstance(circle, Circle):
+            left, top, side = circle.box()
+            local = Circle(circle.x - left, circle.y - top, circle.radius)
+            seen = circle.crop(seen) & local.inside(side, side)
+            radiance = circle.crop(radiance)
+        orientations.append(Orientation(path.name, radiance * seen[..., None], seen, (radiance > 0.0).any(axis=2)))
+        progress("reading", index + 1, len(paths))
+    return Shoot(orientations, None, "HDR images", [[path.name] for path in paths])
+
+
+def _as_photograph(radiance: np.ndarray) -> np.ndarray:
+    """An HDR image as an overexposed photograph, for finding the circle."""
+    level = np.percentile(cv2.blur(radiance, (5, 5)), 60)
+    return np.clip(255.0 * np.sqrt(np.maximum(radiance, 0.0) / max(level, 1e-12)), 0, 255).astype(np.uint8)

@@ -1,0 +1,225 @@
+"""`lightdepth calibrate`: the panorama's pose in the world."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from lightdepth.calibration.room_frame import RoomFrame
+    from lightdepth.calibration.solve import Calibration
+
+
+def calibrate(
+    panorama: Annotated[Path, typer.Argument(help="The panorama: .exr or .hdr, 360 x 180 degrees.")],
+    rectangle: Annotated[
+        str | None,
+        typer.Option(
+            help='Four corners of a rectangle on the floor, counter-clockwise seen from above: "x,y x,y x,y x,y". '
+            "Its first side becomes the world's x axis.",
+            metavar="POINTS",
+        ),
+    ] = None,
+    width: Annotated[
+        float | None, typer.Option(help="Length of the rectangle's side from corner 1 to 2, metres.", metavar="M")
+    ] = None,
+    length: Annotated[
+        float | None, typer.Option(help="Length of the rectangle's side from corner 2 to 3, metres.", metavar="M")
+    ] = None,
+    camera_height: Annotated[
+        float | None, typer.Option(help="Height of the camera's lens above the floor, metres.", metavar="M")
+    ] = None,
+    vertical: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='Two points of a plumb edge, far apart: "x,y x,y". Repeat it; three or more where no other option '
+            "gives the level.",
+            metavar="POINTS",
+        ),
+    ] = None,
+    heading: Annotated[
+        str | None,
+        typer.Option(help='A point in the direction of the world\'s y axis: "x,y".', metavar="POINT"),
+    ] = None,
+    bearing: Annotated[
+        float, typer.Option(help="Degrees by which --heading lies clockwise of the y axis, seen from above.")
+    ] = 0.0,
+    auto: Annotated[
+        bool, typer.Option("--auto", help="Level, and align with the walls, from straight edges found in the panorama.")
+    ] = False,
+    origin: Annotated[
+        str,
+        typer.Option(
+            help="The world's origin on the floor: the rectangle's first corner, its centre, or under the camera.",
+            metavar="corner|centre|camera",
+        ),
+    ] = "corner",
+    angles: Annotated[
+        bool,
+        typer.Option(
+            "--angles",
+            help="Points are degrees right of the panorama's centre column and above its middle row, not pixels "
+            "(x to the right, y down, 0,0 the upper left corner of the picture).",
+        ),
+    ] = False,
+    click_error: Annotated[
+        float | None,
+        typer.Option(
+            help="How far clicks may be off (standard deviation), in pixels (default 1), with --angles in "
+            "degrees (default 0.2)."
+        ),
+    ] = None,
+    write: Annotated[
+        Path | None, typer.Option(help="Scene file to write the pose into; all else in it stays.", metavar="SCENE")
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="Check picture (.png): the world's grid and axes drawn over the panorama.", metavar="PNG"),
+    ] = None,
+    json_output: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Find a panorama's pose in the world: rotation, capture position and scale.
+
+    Give what you know, several things at once if you can: a rectangle on the
+    floor with one known length, plumb edges, a heading, or --auto for a room.
+    Look at the check picture before you trust the result.
+
+    With a rug of 2 by 3 metres, clicked at its corners:
+
+    lightdepth calibrate lounge.exr --width 2 --length 3
+    --rectangle "310,700 705,702 640,610 400,609"
+    --write lounge.toml --picture check.png
+
+    Without clicks:
+
+    lightdepth calibrate lounge.exr --auto --camera-height 1.6 --picture check.png
+    """
+    import math
+
+    from lightdepth.calibration.arcs import Arcs
+    from lightdepth.calibration.check_picture import draw_check_picture
+    from lightdepth.calibration.rectangle import FloorRectangle
+    from lightdepth.calibration.scene_file import write_pose
+    from lightdepth.calibration.solve import Cues
+    from lightdepth.calibration.solve import calibrate as solve
+    from lightdepth.errors import InputError
+    from lightdepth.images.png import write_png
+    from lightdepth.images.radiance import read_radiance
+    from lightdepth.images.validation import validate_panorama
+    from lightdepth.images.writing import check_writable
+
+    if rectangle is None and (width is not None or length is not None):
+        raise InputError("--width and --length are those of a floor rectangle: give --rectangle as well")
+    if not math.isfinite(bearing):
+        raise InputError(f"--bearing {bearing}: a finite number of degrees is needed")
+    if picture is not None:
+        if picture.suffix.lower() != ".png":
+            raise InputError(f"--picture {picture}: the check picture is a .png file")
+        check_writable(picture)
+
+    radiance = validate_panorama(read_radiance(panorama), panorama, repair=True)
+    size = None if angles else (radiance.shape[1], radiance.shape[0])
+    corners = _directions(rectangle, 4, "--rectangle", size) if rectangle is not None else None
+    verticals = [_directions(text, 2, "--vertical", size) for text in vertical or []]
+    toward = _directions(heading, 1, "--heading", size)[0] if heading is not None else None
+    if click_error is None:
+        click_error = 0.2 if angles else 1.0
+    room = _find_room(radiance, show_progress=not json_output) if auto else None
+    result = solve(
+        Cues(
+            rectangle=FloorRectangle(corners, width, length) if corners is not None else None,
+            verticals=Arcs(verticals) if verticals else None,
+            heading=toward,
+            bearing=bearing,
+            room=room,
+            camera_height=camera_height,
+            click_error=click_error * (1.0 if angles else 360.0 / radiance.shape[1]),
+        ),
+        origin,
+    )
+    report = _report(result)
+    if write is not None:
+        image = write_pose(write, report["rotation"], report["position"])
+        if image.resolve() != panorama.resolve():
+            report["warnings"].append(f"{write}: its panorama is {image}, not {panorama}")
+    if picture is not None:
+        clicks = [points.reshape(-1, 3) for points in (corners, *verticals, toward) if points is not None]
+        write_png(picture, draw_check_picture(radiance, result, room, clicks))
+    _print(report, json_output)
+
+
+def _directions(text: str, count: int, option: str, size: tuple[int, int] | None) -> Any:
+    """Clicked points as directions; ``size`` is the panorama's in pixels, ``None`` where they are angles."""
+    from lightdepth.calibration.clicks import angles_to_directions, parse_points, pixels_to_directions
+
+    points = parse_points(text, count, option)
+    return angles_to_directions(points, option) if size is None else pixels_to_directions(points, *size, option)
+
+
+def _find_room(radiance: Any, show_progress: bool) -> RoomFrame:
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from lightdepth.calibration.line_detection import detect_arcs
+    from lightdepth.calibration.room_frame import find_room_frame
+
+    with Progress(console=Console(stderr=True), transient=True, disable=not show_progress) as bar:
+        edges = bar.add_task("finding straight edges", total=1.0)
+        arcs = detect_arcs(radiance, lambda share: bar.update(edges, completed=share))
+        frame = bar.add_task("finding the room's directions", total=1.0)
+        return find_room_frame(arcs, lambda share: bar.update(frame, completed=share))
+
+
+def _report(result: Calibration) -> dict[str, Any]:
+    """The result as plain numbers: what ``--json`` prints."""
+    from lightdepth.directions import rotation_to_euler
+
+    def rounded(value: float) -> float:
+        return round(float(value), 5) + 0.0
+
+    return {
+        "rotation": [rounded(angle) for angle in rotation_to_euler(result.rotation)],
+        "position": [rounded(metres) for metres in result.position] if result.position is not None else None,
+        "residual": rounded(result.residual),
+        "residuals": {cue: rounded(value) for cue, value in result.residuals.items()},
+        "expected_error": rounded(result.expected_error),
+        "tilt": rounded(result.tilt),
+        "rectangle_size": [rounded(metres) for metres in result.rectangle_size] if result.rectangle_size else None,
+        "confidence": rounded(result.confidence) if result.confidence is not None else None,
+        "warnings": list(result.warnings),
+    }
+
+
+def _print(report: dict[str, Any], as_json: bool) -> None:
+    import json
+
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    if as_json:
+        typer.echo(json.dumps(report))
+        return
+
+    def numbers(values: list[float], decimals: int) -> str:
+        return "  ".join(f"{value:.{decimals}f}" for value in values)
+
+    table = Table(show_header=False, box=None, pad_edge=False)
+    table.add_row("rotation", numbers(report["rotation"], 3), "degrees, XYZ Euler, light to world")
+    if report["position"]:
+        table.add_row("position", numbers(report["position"], 3), "metres, world")
+    else:
+        table.add_row("position", "unknown", "give --camera-height or a floor rectangle")
+    if report["rectangle_size"]:
+        table.add_row("rectangle", numbers(report["rectangle_size"], 3), "metres, width and length")
+    table.add_row("tilt", f"{report['tilt']:.2f}", "degrees from the panorama's zenith")
+    cues = ", ".join(f"{name} {value:.3f}" for name, value in report["residuals"].items())
+    table.add_row("residual", f"{report['residual']:.3f}", f"degrees ({cues})")
+    table.add_row("expected error", f"{report['expected_error']:.2f}", "degrees, one standard deviation")
+    if report["confidence"] is not None:
+        table.add_row("confidence", f"{report['confidence']:.2f}", "of the automatic directions, 0 to 1")
+    Console(highlight=False).print(table)
+    for warning in report["warnings"]:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(f"[yellow]warning:[/] {escape(warning)}")

@@ -1,0 +1,101 @@
+"""What lies behind the near side of a depth image's jumps: surfaces that close the cuts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from lightdepth.directions import pixel_directions
+from lightdepth.lightmap.depth_mesh import joined
+from lightdepth.reconstruction.clicks import Pose
+from lightdepth.reconstruction.depth_image import continued
+from lightdepth.scene.model import Mesh
+
+FloatArray = NDArray[np.float64]
+
+REACH = 10.0
+"""Degrees by which a surface goes on behind what stands before it."""
+NEARER = 1.05
+"""What is nearer than the background by less than this factor belongs to it."""
+GAP = 0.98
+"""The background keeps at least this far behind, as a factor of the reciprocal distance."""
+
+
+def surface_behind(depth: FloatArray, pose: Pose) -> Mesh:
+    """Go on with the far side of every jump in depth behind its near side.
+
+    From the capture point the cut between the two is then closed, and from beside it one looks at the wall behind an
+    object, not through a gap.
+
+    Args:
+        depth: metres along the ray, inf for sky, shape (height, 2 height), float64, positive.
+        pose: of the depth image.
+
+    Returns:
+        World, metres, counter-clockwise seen from the capture point; without faces where nothing jumps.
+    """
+    height, width = depth.shape
+    reciprocal = 1.0 / depth
+    background = _background_beside_jumps(reciprocal)
+    reach = round(REACH / 180.0 * height)
+    hidden, near = _near_side(reciprocal, background, reach)
+    seen = (reciprocal > 0.0) & ~near
+    layer = continued(reciprocal, hidden, seen)
+    layer[hidden] = np.minimum(layer[hidden], GAP * reciprocal[hidden])
+    # A ring of what is seen belongs to the layer, a hair behind it, so that the two overlap.
+    layer[~hidden] *= 0.999
+    first = _round(ndimage.binary_dilation(_round(hidden, 1), np.ones((3, 3))), -1)
+    usable = (hidden | seen) & (layer > 0.0)
+
+    rows, columns = np.meshgrid(np.arange(height - 1), np.arange(width), indexing="ij")
+    a, b = rows * width + columns, rows * width + (columns + 1) % width
+    c, d = a + width, b + width
+    faces = np.concatenate([np.stack(corners, axis=-1).reshape(-1, 3) for corners in ((a, d, b), (a, c, d))])
+    wanted = usable.ravel()[faces].all(axis=1) & first.ravel()[faces].all(axis=1)
+    used, compact = np.unique(faces[wanted], return_inverse=True)
+    directions = pose.to_world(pixel_directions(height, width).reshape(-1, 3)[used])
+    vertices = pose.position + directions / layer.ravel()[used, None]
+    return Mesh(vertices.astype(np.float32), compact.reshape(-1, 3).astype(np.int32))
+
+
+def _background_beside_jumps(reciprocal: FloatArray) -> FloatArray:
+    """For each pixel on the near side of a jump the least reciprocal distance on its far sides; NaN elsewhere."""
+    height, width = reciprocal.shape
+    padded = np.pad(reciprocal, ((1, 1), (0, 0)), mode="edge")
+    directions = np.pad(pixel_directions(height, width), ((1, 1), (0, 0), (0, 0)), mode="edge")
+    background = np.full(reciprocal.shape, np.nan)
+    for axis, cut in (
+        (1, ~joined(padded, directions, axis=1)[1:-1]),
+        (0, np.vstack([~joined(padded, directions, axis=0)[1:-1], np.zeros((1, width), dtype=bool)])),
+    ):
+        following = np.roll(reciprocal, -1, axis=axis)
+        cut &= (reciprocal > 0.0) & (following > 0.0)
+        here = np.where(cut & (following < reciprocal), following, np.nan)
+        there = np.roll(np.where(cut & (following > reciprocal), reciprocal, np.nan), 1, axis=axis)
+        background = np.fmin(background, np.fmin(here, there))
+    return background
+
+
+def _near_side(
+    reciprocal: FloatArray, background: FloatArray, reach: int
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which pixels the background goes on behind, and all that stand before it, as far as that is known."""
+    beside = ~np.isnan(background)
+    if not beside.any():
+        return beside, beside
+    distance, nearest = ndimage.distance_transform_edt(~_round(beside, 2 * reach), return_indices=True)
+    compared = _round(background, 2 * reach)[tuple(nearest)]
+    before = _round(reciprocal, 2 * reach) > NEARER * compared
+    near = before & (distance <= 2 * reach)
+    return (
+        _round((near & (distance <= reach)) | (distance == 0), -2 * reach),
+        _round(near | (distance == 0), -2 * reach),
+    )
+
+
+def _round(image: NDArray, columns: int) -> NDArray:
+    """Repeat that many columns of the other side at the left and right edge; negative: take them off again."""
+    if columns < 0:
+        return image[:, -columns:columns]
+    return np.pad(image, ((0, 0), (columns, columns)), mode="wrap")

@@ -1,0 +1,298 @@
+"""Measured or estimated depth images: reading, and closing what was not measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.linalg import spsolve
+
+from lightdepth.directions import pixel_solid_angles
+from lightdepth.errors import InputError
+from lightdepth.images.exr import read_exr
+
+FloatArray = NDArray[np.float64]
+
+LARGEST_HOLE = np.radians(60.0)
+"""Half-angle of a hole that is closed by going on with the surfaces around it; larger ones are closed flatly."""
+
+
+FILTER_WIDTH = 9
+"""Pixels."""
+FILTER_RANGE = 4.0
+"""Standard deviations of the noise."""
+NOISE_LEVELS = 12
+NEGLIGIBLE_NOISE = 2e-5
+"""Of the reciprocal distance, as a share; below it is rounding."""
+
+
+@dataclass(frozen=True)
+class DepthImage:
+    """Distances from the capture point, as they were measured.
+
+    Attributes:
+        depth: metres along the ray, shape (height, 2 height), float64; NaN where nothing was measured, inf for sky.
+    """
+
+    depth: FloatArray
+
+    @property
+    def missing(self) -> NDArray[np.bool_]:
+        """Where nothing was measured, shape (height, 2 height)."""
+        return np.isnan(self.depth)
+
+
+def read_depth_image(path: Path, scale: float | None = None, sky: bool = False) -> DepthImage:
+    """Read an equirectangular depth image.
+
+    Args:
+        path: OpenEXR (channel Z, else Y, V or R), 16-bit PNG, or a NumPy array in a .npy file.
+        scale: metres per unit of the file; a PNG must have it, for the others ``None`` is 1.
+        sky: what was not measured (NaN, 0, negative, or 65535 in a PNG) is sky. Infinite distances always are.
+
+    Raises:
+        InputError: the file is missing, unreadable, of another format or shape, a PNG is given without a scale, or
+            nothing is measured in it.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    suffix = path.suffix.lower()
+    if suffix == ".exr":
+        values = _from_exr(path)
+    elif suffix == ".npy":
+        values = _from_npy(path)
+    elif suffix == ".png":
+        values = _from_png(path)
+        if scale is None:
+            raise InputError(
+                f"{path}: a PNG holds whole numbers; give --scale, the metres of one (0.001 for millimetres)"
+            )
+    else:
+        raise InputError(f"{path}: '{path.suffix}' is not a format for depth; allowed are .exr, .png (16 bit), .npy")
+    if values.ndim != 2 or values.shape[1] != 2 * values.shape[0] or values.shape[0] < 8:
+        raise InputError(
+            f"{path}: depth has shape {values.shape}; rows and columns are needed, twice as many columns as rows, and "
+            "at least 8 rows"
+        )
+    depth = values * (1.0 if scale is None else scale)
+    depth[~(depth > 0.0)] = np.inf if sky else np.nan
+    if not np.isfinite(depth).any():
+        raise InputError(f"{path}: no pixel holds a positive, finite distance")
+    return DepthImage(depth)
+
+
+def _from_exr(path: Path) -> FloatArray:
+    parts = read_exr(path)
+    for name in ("Z", "Y", "V", "R"):
+        for part in parts:
+            if name in part.channels:
+                return part.channels[name].astype(np.float64)
+    found = ", ".join(sorted(name for part in parts for name in part.channels))
+    raise InputError(f"{path}: has no channel of distances (Z, Y, V or R), but {found}")
+
+
+def _from_npy(path: Path) -> FloatArray:
+    try:
+        values = np.load(path, allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{path}: not a readable .npy file ({error})") from error
+    if not np.issubdtype(values.dtype, np.floating) and not np.issubdtype(values.dtype, np.integer):
+        raise InputError(f"{path}: holds {values.dtype}; distances are numbers")
+    return values.astype(np.float64)
+
+
+def _from_png(path: Path) -> FloatArray:
+    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if values is None:
+        raise InputError(f"{path}: not a readable PNG file")
+    if values.dtype != np.uint16 or values.ndim != 2:
+        channels = 1 if values.ndim == 2 else values.shape[2]
+        raise InputError(
+            f"{path}: has {channels} channel(s) of {8 * values.itemsize} bit; depth needs one channel of 16 bit"
+        )
+    depth = values.astype(np.float64)
+    depth[values == 65535] = np.nan
+    return depth
+
+
+def reduced(image: DepthImage, max_width: int) -> DepthImage:
+    """The image with at most ``max_width`` columns where its size can be divided so: the median of square blocks."""
+    height, width = image.depth.shape
+    factor = next((k for k in range(-(-width // max_width), height // 8 + 1) if height % k == 0), 1)
+    if width <= max_width or factor == 1:
+        return image
+    blocks = image.depth.reshape(height // factor, factor, width // factor, factor).swapaxes(1, 2)
+    blocks = np.sort(blocks.reshape(height // factor, width // factor, -1), axis=-1)  # NaN comes last.
+    measured = np.count_nonzero(~np.isnan(blocks), axis=-1, keepdims=True)
+    return DepthImage(np.take_along_axis(blocks, np.maximum(measured - 1, 0) // 2, axis=-1)[:, :, 0])
+
+
+def fill_missing(image: DepthImage) -> FloatArray:
+    """Close what was not measured by going on with the surfaces around it.
+
+    Returns:
+        Distances, shape (height, 2 height), float64: finite and positive, or inf for sky.
+    """
+    missing = image.missing
+    reciprocal = np.divide(1.0, image.depth, out=np.zeros_like(image.depth), where=~missing)
+    filled = continued(reciprocal, missing, ~missing)
+    return np.divide(1.0, filled, out=np.full_like(filled, np.inf), where=filled > 0.0)
+
+
+def denoised(image: DepthImage) -> DepthImage:
+    """The image without the measurement's noise, as far as neighbouring pixels tell it apart from shape.
+
+    A bilateral filter (Tomasi and Manduchi, 1998) on the reciprocal distance, which leaves planes and jumps as they
+    are. Its range follows the noise at each distance; an exact image is not changed.
+    """
+    reciprocal = 1.0 / fill_missing(image)
+    seen = reciprocal > 0.0
+    levels, noise = _noise(reciprocal, seen & ~image.missing)
+    if len(levels) < 2 or np.median(noise / levels) < NEGLIGIBLE_NOISE:
+        return image
+    # On the scale s with ds = dq / noise(q) the noise is 1 everywhere.
+    scale = np.concatenate([[0.0], np.cumsum(np.diff(levels) * 0.5 * (1.0 / noise[1:] + 1.0 / noise[:-1]))])
+    levels = np.concatenate([[levels[0] - 1e3 * noise[0]], levels, [levels[-1] + 1e3 * noise[-1]]])
+    scale = np.concatenate([[scale[0] - 1e3], scale, [scale[-1] + 1e3]])
+    smooth = _bilateral(np.interp(reciprocal, levels, scale))
+    depth = 1.0 / np.interp(smooth, scale, levels)
+    kept = ~seen | (reciprocal < levels[0]) | (reciprocal > levels[-1])
+    return DepthImage(np.where(kept | image.missing, image.depth, depth))
+
+
+def _bilateral(image: FloatArray) -> FloatArray:
+    """Bilateral filter of a panorama whose noise has a standard deviation of 1.
+
+    Toward the poles, where columns are narrower than rows are high, it works on means of 2, 4, 8 ... columns, so that
+    it is about as wide as high everywhere.
+    """
+    height, width = image.shape
+    half = FILTER_WIDTH // 2
+    narrowness = np.sin(np.pi * (np.arange(height) + 0.5) / height)
+    result = np.empty_like(image)
+    step = 1
+    while True:
+        means = image.reshape(height, width // step, step).mean(axis=2)
+        # Over a pole the panorama goes on at the opposite longitude.
+        opposite = np.roll(means, means.shape[1] // 2, axis=1)
+        around = np.vstack([opposite[:half][::-1], means, opposite[-half:][::-1]])
+        around = np.pad(around, ((0, 0), (half, half)), mode="wrap").astype(np.float32)
+        smooth = cv2.bilateralFilter(around, FILTER_WIDTH, FILTER_RANGE, FILTER_WIDTH / 3.0)[half:-half, half:-half]
+        position = (np.arange(width) + 0.5) / step - 0.5
+        left = np.floor(position).astype(int)
+        share = position - left
+        fine = smooth[:, left % smooth.shape[1]] * (1.0 - share) + smooth[:, (left + 1) % smooth.shape[1]] * share
+        rows = narrowness <= 1.0 / step
+        result[rows] = fine[rows]
+        step *= 2
+        if not rows.any() or width % (2 * step) or width // step < 4 * FILTER_WIDTH:
+            return result
+
+
+def _noise(reciprocal: FloatArray, measured: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+    """Standard deviation of the noise at some levels of the reciprocal distance q, each of shape (n,).
+
+    Along a meridian a plane has ``q(t + d) + q(t - d) = 2 cos(d) q(t)``; what deviates is noise, but for edges, which
+    the median ignores.
+    """
+    q = reciprocal[1:-1]
+    whole = measured[1:-1] & measured[:-2] & measured[2:]
+    deviation = np.abs(q - (reciprocal[:-2] + reciprocal[2:]) / (2.0 * np.cos(np.pi / len(reciprocal))))[whole]
+    order = np.argsort(q[whole])
+    groups = [group for group in np.array_split(order, NOISE_LEVELS) if len(group) >= 50]
+    levels = np.array([np.median(q[whole][group]) for group in groups])
+    noise = np.array([1.4826 / np.sqrt(1.5) * np.median(deviation[group]) for group in groups])
+    distinct = np.concatenate([[True], np.diff(levels) > 0.0]) if groups else np.zeros(0, dtype=bool)
+    return levels[distinct], np.maximum(noise[distinct], 1e-9)
+
+
+def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray[np.bool_]) -> FloatArray:
+    """Go on with surfaces into pixels where they are not known.
+
+    The reciprocal distance q of a plane is linear in the direction, ``q(w) = n . w / d``, and so solves
+    ``(Laplace-Beltrami + 2) q = 0`` on the sphere. Solving that with the known pixels as boundary values continues a
+    plane exactly, and anything else smoothly.
+
+    Args:
+        reciprocal: 1 / distance, 0 for sky, shape (height, 2 height); read where it is known.
+        unknown: the pixels to find, shape (height, 2 height).
+        known: the pixels to go on from; sky is none of them, nor are pixels in neither mask.
+
+    Returns:
+        A copy with the unknown pixels set, to values between half the least and four times the greatest of the known
+        ones that their region touches; 0 (sky) in a region that touches none.
+    """
+    result = reciprocal.copy()
+    known = known & (reciprocal > 0.0)
+    regions, count = _label(unknown)
+    low, high = np.full(count + 1, np.inf), np.zeros(count + 1)
+    for beside, value in zip(_neighbours(known), _neighbours(reciprocal), strict=True):
+        border = unknown & beside
+        np.minimum.at(low, regions[border], value[border])
+        np.maximum.at(high, regions[border], value[border])
+    height, width = reciprocal.shape
+    pixel_areas = np.repeat(pixel_solid_angles(height, width), width)
+    areas = np.bincount(regions.ravel(), weights=pixel_areas, minlength=count + 1)
+    small = areas <= 2.0 * np.pi * (1.0 - np.cos(LARGEST_HOLE))
+    result[unknown] = 0.0
+    for constant, chosen in ((2.0, small & (high > 0.0)), (0.0, ~small & (high > 0.0))):
+        region = unknown & chosen[regions]
+        if region.any():
+            here = regions[region]
+            result[region] = np.clip(_solve(reciprocal, region, known, constant), 0.5 * low[here], 4.0 * high[here])
+    return result
+
+
+def _label(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
+    """Connected regions of a panorama from 1 on, joined across its left and right edge; 0 elsewhere."""
+    labels, count = ndimage.label(mask)
+    for row in range(len(labels)):
+        left, right = labels[row, 0], labels[row, -1]
+        if left and right and left != right:
+            labels[labels == right] = left
+    return labels, count
+
+
+def _neighbours(values: NDArray) -> list[NDArray]:
+    """The four images of every pixel's neighbour: above, below, left and right; rows end, columns go round."""
+    above, below = np.zeros_like(values), np.zeros_like(values)
+    above[1:], below[:-1] = values[:-1], values[1:]
+    return [above, below, np.roll(values, 1, axis=1), np.roll(values, -1, axis=1)]
+
+
+def _solve(reciprocal: FloatArray, region: NDArray[np.bool_], known: NDArray[np.bool_], constant: float) -> FloatArray:
+    """Solve (Laplace-Beltrami + constant) q = 0 in a region by five-point differences on the latitude-longitude grid.
+
+    Known pixels are boundary values; toward all others nothing flows.
+    """
+    height, width = reciprocal.shape
+    step_theta, step_phi = np.pi / height, 2.0 * np.pi / width
+    own = np.arange(np.count_nonzero(region))
+    number = np.zeros(region.shape, dtype=np.intp)
+    number[region] = own
+    theta = np.broadcast_to((np.arange(height)[:, None] + 0.5) * step_theta, region.shape)[region]
+    upward, downward = (np.sin(theta + 0.5 * side * step_theta) / (np.sin(theta) * step_theta**2) for side in (-1, 1))
+    sideways = 1.0 / (np.sin(theta) * step_phi) ** 2
+    diagonal = np.full(len(own), -constant)
+    right_side = np.zeros(len(own))
+    triplets = []
+    for weight, inner, border, value, other in zip(
+        (upward, downward, sideways, sideways),
+        _neighbours(region),
+        _neighbours(known),
+        _neighbours(reciprocal),
+        _neighbours(number),
+        strict=True,
+    ):
+        inside, beside = inner[region], border[region]
+        diagonal += np.where(inside | beside, weight, 0.0)
+        right_side += np.where(beside, weight * value[region], 0.0)
+        triplets.append((own[inside], other[region][inside], -weight[inside]))
+    triplets.append((own, own, diagonal))
+    rows, columns, entries = (np.concatenate(part) for part in zip(*triplets, strict=True))
+    return np.asarray(spsolve(coo_array((entries, (rows, columns)), shape=(len(own), len(own))).tocsc(), right_side))

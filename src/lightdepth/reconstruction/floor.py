@@ -1,0 +1,155 @@
+"""The floor in measured points: found by RANSAC, then made a flat surface of its own.
+
+Fischler and Bolles, Random Sample Consensus, 1981.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from lightdepth.errors import InputError
+from lightdepth.scene.model import Mesh
+
+FloatArray = NDArray[np.float64]
+
+TRIALS = 500
+SAMPLE = 20_000
+LOWER_STEP = 0.1
+"""A floor hides at least this far, in metres, below a table or bed that was taken for it."""
+LOWER_SHARE = 0.25
+"""It is believed where at least this share of the higher plane's points lie on it."""
+
+
+@dataclass(frozen=True)
+class Plane:
+    """The points x with ``normal . x = offset``.
+
+    Attributes:
+        normal: unit, upward, world, shape (3,), float64.
+        offset: metres.
+        share: part of the points that were looked at that lie on it, in [0, 1].
+    """
+
+    normal: FloatArray
+    offset: float
+    share: float
+
+    def heights(self, points: FloatArray) -> FloatArray:
+        """Signed distances of points of shape (n, 3) from the plane, metres, positive above it."""
+        return points @ self.normal - self.offset
+
+    @property
+    def tilt(self) -> float:
+        """Angle to the horizontal, degrees."""
+        return float(np.degrees(np.arccos(np.clip(self.normal[2], -1.0, 1.0))))
+
+
+def find_floor(
+    points: FloatArray, capture_point: FloatArray, tolerance: float = 0.03, largest_tilt: float = 10.0, seed: int = 0
+) -> Plane:
+    """Find the lowest large, nearly level plane below the capture point.
+
+    Args:
+        points: spread evenly over the surfaces, world, metres, shape (n, 3).
+        capture_point: world, metres, shape (3,).
+        tolerance: largest distance of a point that is on the plane, metres.
+        largest_tilt: angle to the horizontal that a floor may have, degrees.
+        seed: of the random trials.
+
+    Raises:
+        InputError: no such plane holds 1 % of the points.
+    """
+    random = np.random.default_rng(seed)
+    if len(points) > SAMPLE:
+        points = points[random.choice(len(points), SAMPLE, replace=False)]
+    below = points[points[:, 2] < capture_point[2] - LOWER_STEP]
+    floor = None
+    while len(below) >= 3:
+        found = _ransac(below, tolerance, np.cos(np.radians(largest_tilt)), random)
+        needed = 0.01 * len(points) if floor is None else LOWER_SHARE * floor.share * len(points)
+        if found is None or np.count_nonzero(np.abs(found.heights(below)) < tolerance) < max(needed, 3):
+            break
+        share = np.count_nonzero(np.abs(found.heights(points)) < tolerance) / len(points)
+        floor = Plane(found.normal, found.offset, share)
+        below = below[floor.heights(below) < -LOWER_STEP]
+    if floor is None:
+        raise InputError(
+            f"no floor found: no plane below the capture point (height {capture_point[2]:.2f} m) that is level within "
+            f"{largest_tilt:g} degrees holds 1 % of the points; check the pose, the scale and which axis is up, or ask "
+            "for no floor"
+        )
+    return floor
+
+
+def _ransac(points: FloatArray, tolerance: float, smallest_cosine: float, random: np.random.Generator) -> Plane | None:
+    """The nearly level plane with the most points, fitted to them by least squares."""
+    corners = points[random.integers(len(points), size=(TRIALS, 3))]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(normals, axis=1)
+    normals[lengths > 0] /= lengths[lengths > 0, None]
+    normals[normals[:, 2] < 0] *= -1.0
+    # Three noisy points close together tell their height well and their slope badly: each is also tried as level.
+    normals = np.concatenate([normals, np.broadcast_to([0.0, 0.0, 1.0], normals.shape)])
+    offsets = np.einsum("ij,ij->i", normals, np.tile(corners[:, 0], (2, 1)))
+    level = normals[:, 2] >= smallest_cosine
+    if not level.any():
+        return None
+    normals, offsets = normals[level], offsets[level]
+    counts = [np.count_nonzero(np.abs(points @ n - d) < tolerance) for n, d in zip(normals, offsets, strict=True)]
+    best = int(np.argmax(counts))
+    normal, offset = normals[best], offsets[best]
+    for _ in range(3):
+        on_plane = points[np.abs(points @ normal - offset) < tolerance]
+        centre = on_plane.mean(axis=0)
+        fitted = np.linalg.eigh(np.cov((on_plane - centre).T))[1][:, 0] if len(on_plane) > 3 else normal
+        fitted = fitted * (np.sign(fitted[2]) or 1.0)
+        if fitted[2] < smallest_cosine:
+            break
+        normal, offset = fitted, float(fitted @ centre)
+    return Plane(normal, offset, 0.0)
+
+
+def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03) -> tuple[Mesh, Mesh]:
+    """Part a mesh into its floor, laid flat onto the plane, and the rest.
+
+    The two still meet without a gap: the vertices that they share are moved in both.
+
+    Args:
+        mesh: world, metres.
+        floor: its floor plane.
+        tolerance: largest distance of a floor vertex from the plane, metres.
+
+    Returns:
+        The floor and the rest; either may have no faces.
+    """
+    vertices = mesh.vertices.astype(np.float64)
+    heights = floor.heights(vertices)
+    normals = np.cross(
+        vertices[mesh.faces[:, 1]] - vertices[mesh.faces[:, 0]], vertices[mesh.faces[:, 2]] - vertices[mesh.faces[:, 0]]
+    )
+    lengths = np.linalg.norm(normals, axis=1)
+    steepness = np.abs(normals @ floor.normal)
+    near = (np.abs(heights) < tolerance)[mesh.faces].all(axis=1)
+    on_floor = near & (steepness > 0.7 * lengths)
+    used = np.unique(mesh.faces[on_floor])
+    vertices[used] -= heights[used, None] * floor.normal
+    flat = Mesh(vertices.astype(np.float32), mesh.faces)
+    return part_of(flat, on_floor), part_of(flat, ~on_floor)
+
+
+def part_of(mesh: Mesh, chosen: NDArray[np.bool_]) -> Mesh:
+    """The faces where a mask of shape (m,) is true, with only the vertices that they use."""
+    faces = mesh.faces[chosen]
+    used, compact = np.unique(faces, return_inverse=True)
+    return Mesh(mesh.vertices[used], compact.reshape(faces.shape).astype(np.int32))
+
+
+def spread_points(mesh: Mesh, count: int = SAMPLE, seed: int = 0) -> FloatArray:
+    """Points spread evenly over a mesh's area, shape (count, 3)."""
+    surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    points, _ = trimesh.sample.sample_surface(surface, count, seed=seed)
+    return np.asarray(points, dtype=np.float64)

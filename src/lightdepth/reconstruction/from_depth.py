@@ -1,0 +1,81 @@
+"""Surfaces of a place from an equirectangular depth image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.errors import InputError
+from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.reconstruction.behind import surface_behind
+from lightdepth.reconstruction.clicks import Pose
+from lightdepth.reconstruction.depth_image import DepthImage, denoised, fill_missing, reduced
+from lightdepth.reconstruction.floor import Plane, find_floor, split_floor, spread_points
+from lightdepth.scene.model import Mesh, RealSurface, Role
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Surfaces made from measurements.
+
+    Attributes:
+        surfaces: world, metres.
+        floor: the plane that was found, or ``None`` where none was asked for.
+        sky: directions that are sky, shape (height, 2 height); ``None`` where none is.
+    """
+
+    surfaces: list[RealSurface]
+    floor: Plane | None
+    sky: NDArray[np.bool_] | None = None
+
+
+def surfaces_from_depth(
+    image: DepthImage,
+    pose: Pose,
+    max_width: int = 1024,
+    floor_tolerance: float | None = 0.03,
+    progress: Callable[[float], None] = lambda share: None,
+) -> Measured:
+    """Mesh a depth image: cut at its jumps, closed where it has holes and behind what stands in front.
+
+    Args:
+        image: the measured distances.
+        pose: of the image, which is that of the panorama.
+        max_width: wider images are reduced to at most this many columns.
+        floor_tolerance: largest distance of a floor point from the floor's plane, metres; ``None`` looks for no floor.
+        progress: called with the share that is done.
+
+    Returns:
+        ``floor`` (support), ``place`` and, where something stands in front of something, ``behind`` (environment).
+
+    Raises:
+        InputError: there is no floor.
+    """
+    image = denoised(reduced(image, max_width))
+    depth = fill_missing(image)
+    progress(0.3)
+    mesh = mesh_from_depth(depth.astype(np.float32), pose.position, pose.rotation, max_width)
+    if len(mesh.faces) == 0:
+        raise InputError("the depth image has no surface: everything in it is sky")
+    progress(0.6)
+    floor, surfaces = split_roles(mesh, pose, floor_tolerance)
+    progress(0.8)
+    behind = surface_behind(depth, pose)
+    if len(behind.faces):
+        surfaces.append(RealSurface("behind", behind, Role.ENVIRONMENT))
+    sky = np.isinf(depth)
+    progress(1.0)
+    return Measured(surfaces, floor, sky if sky.any() else None)
+
+
+def split_roles(mesh: Mesh, pose: Pose, floor_tolerance: float | None) -> tuple[Plane | None, list[RealSurface]]:
+    """The floor as support, the rest as environment; without a tolerance all is environment."""
+    if floor_tolerance is None:
+        return None, [RealSurface("place", mesh, Role.ENVIRONMENT)]
+    floor = find_floor(spread_points(mesh), pose.position, floor_tolerance)
+    level, rest = split_floor(mesh, floor, floor_tolerance)
+    named = [RealSurface("floor", level, Role.SUPPORT), RealSurface("place", rest, Role.ENVIRONMENT)]
+    return floor, [surface for surface in named if len(surface.mesh.faces)]

@@ -1,0 +1,105 @@
+"""What a reconstruction starts from: the panorama, its pose, and the scene file where there is one."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from lightdepth.directions import euler_rotation
+from lightdepth.errors import InputError
+from lightdepth.images.radiance import read_radiance
+from lightdepth.images.validation import validate_panorama
+from lightdepth.reconstruction.clicks import Pose
+from lightdepth.scene.problems import Problems
+from lightdepth.scene.schema import PanoramaTable, SceneFile
+
+Three = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Place:
+    """The place to reconstruct.
+
+    Attributes:
+        pose: of the panorama.
+        rotation_degrees: the pose's rotation as XYZ Euler angles, for a new scene file.
+        radiance: linear RGB, shape (height, 2 height, 3), float32; ``None`` where no panorama was given.
+        image: the panorama's file.
+    """
+
+    pose: Pose
+    rotation_degrees: Three
+    radiance: NDArray[np.float32] | None = None
+    image: Path | None = None
+
+
+def read_place(
+    source: Path | None,
+    position: Three | None = None,
+    rotation: Three | None = None,
+    default_height: float | None = None,
+) -> Place:
+    """Read a panorama, or the ``[panorama]`` of a scene file whose meshes need not exist yet.
+
+    Args:
+        source: a panorama (.exr, .hdr) or a scene file (.toml), or ``None``.
+        position: capture point, world, metres; it goes before that of the scene file.
+        rotation: light space to world, XYZ Euler, degrees; it goes before that of the scene file.
+        default_height: z of the capture point where nothing else gives a position, metres.
+
+    Raises:
+        InputError: the file or its panorama is missing or wrong, or nothing gives a position.
+    """
+    image, radiance = source, None
+    if source is not None and source.suffix.lower() == ".toml":
+        table = _panorama_table(source)
+        image = table.image
+        position, rotation = position or table.position, rotation or table.rotation
+    if image is not None:
+        radiance = validate_panorama(read_radiance(image), image)
+    if position is None:
+        if default_height is None:
+            raise InputError('the capture point is not known: give a scene file, or --position "x,y,z" in metres')
+        position = (0.0, 0.0, default_height)
+    rotation = rotation or (0.0, 0.0, 0.0)
+    return Place(Pose(np.array(position), euler_rotation(rotation)), rotation, radiance, image)
+
+
+def parse_three(text: str | None, option: str) -> Three | None:
+    """Read ``x,y,z``.
+
+    Raises:
+        InputError: it is not three finite numbers.
+    """
+    if text is None:
+        return None
+    try:
+        x, y, z = (float(word) for word in text.split(","))
+        finite = bool(np.isfinite([x, y, z]).all())
+    except ValueError:
+        finite = False
+    if not finite:
+        raise InputError(f"{option} '{text}': write three numbers as x,y,z")
+    return x, y, z
+
+
+def _panorama_table(path: Path) -> PanoramaTable:
+    try:
+        text = path.read_text(encoding="utf-8")
+        document = tomllib.loads(text)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file") from error
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: not a readable TOML file ({error})") from error
+    document = {key: value for key, value in document.items() if key == "panorama"}
+    try:
+        return SceneFile.model_validate(document, context={"folder": path.parent}).panorama
+    except ValidationError as error:
+        problems = Problems(path, text, document)
+        problems.add_all(error, SceneFile)
+        raise InputError(str(problems)) from error

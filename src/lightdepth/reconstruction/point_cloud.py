@@ -1,0 +1,143 @@
+"""Point clouds from files: PLY, LAS and LAZ, E57, XYZ."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.errors import InputError, SetupError
+
+FloatArray = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PointCloud:
+    """Measured points.
+
+    Attributes:
+        points: metres, shape (n, 3), float64.
+        toward_air: vectors from each point into the open, of any length, shape (n, 3), float64: normals, or the way to
+            the scanner; ``None`` where the file tells neither.
+    """
+
+    points: FloatArray
+    toward_air: FloatArray | None = None
+
+    def chosen(self, mask: NDArray[np.bool_]) -> PointCloud:
+        """The points where a mask of shape (n,) is true."""
+        return PointCloud(self.points[mask], None if self.toward_air is None else self.toward_air[mask])
+
+
+def read_points(
+    path: Path, scale: float = 1.0, up: str = "z", origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> PointCloud:
+    """Read a point cloud and bring it to metres with z up.
+
+    Args:
+        path: a .ply, .las, .laz, .e57, .xyz, .txt, .csv or .pts file; of the last four the first three columns count.
+        scale: metres per unit of the file.
+        up: the file's axis that points up, ``z`` or ``y``.
+        origin: the point, in the file's own coordinates, that becomes the world's origin.
+
+    Returns:
+        The points with finite coordinates.
+
+    Raises:
+        InputError: the file is missing, unreadable, of another format, or has fewer than 100 points.
+        SetupError: the package that reads the format is not installed.
+    """
+    if not path.is_file():
+        raise InputError(f"{path}: no such file")
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: '{path.suffix}' is not a format for points; allowed are {', '.join(READERS)}")
+    try:
+        cloud = reader(path)
+    except (InputError, SetupError):
+        raise
+    except Exception as error:  # The packages that read these formats raise whatever they meet.
+        raise InputError(f"{path}: not a readable {path.suffix} file of points ({error})") from error
+    cloud = cloud.chosen(np.all(np.isfinite(cloud.points), axis=1))
+    if len(cloud.points) < 100:
+        raise InputError(f"{path}: has {len(cloud.points)} points with finite coordinates; at least 100 are needed")
+    turn = np.eye(3) if up == "z" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    return replace(
+        cloud,
+        points=(cloud.points - origin) @ turn.T * scale,
+        toward_air=None if cloud.toward_air is None else cloud.toward_air @ turn.T,
+    )
+
+
+def _from_ply(path: Path) -> PointCloud:
+    trimesh = importlib.import_module("trimesh")
+    loaded = trimesh.load(path, process=False)
+    points = np.asarray(loaded.vertices, dtype=np.float64)
+    vertex = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
+    try:
+        normals = np.column_stack([np.ravel(vertex[name]) for name in ("nx", "ny", "nz")]).astype(np.float64)
+    except (KeyError, ValueError, TypeError):
+        normals = None
+    return PointCloud(points, normals)
+
+
+def _from_las(path: Path) -> PointCloud:
+    return PointCloud(np.asarray(_package("laspy").read(path).xyz, dtype=np.float64))
+
+
+def _from_e57(path: Path) -> PointCloud:
+    file = _package("pye57").E57(str(path))
+    try:
+        scans, ways = [], []
+        for index in range(file.scan_count):
+            scan = file.read_scan(index, ignore_missing_fields=True)
+            points = np.column_stack([scan[f"cartesian{axis}"] for axis in "XYZ"]).astype(np.float64)
+            header = file.get_header(index)
+            scans.append(points)
+            ways.append((header.translation if header.has_pose() else np.zeros(3)) - points)
+    finally:
+        file.close()
+    return PointCloud(np.concatenate(scans), np.concatenate(ways))
+
+
+def _from_text(path: Path) -> PointCloud:
+    lines = path.read_text(encoding="utf-8", errors="strict").splitlines()
+    comma = sum("," in line for line in lines[:10]) > 5
+    first = next((i for i, line in enumerate(lines) if _is_point(line, comma)), 0)  # After a title or a count.
+    points = np.loadtxt(
+        lines[first:], delimiter="," if comma else None, usecols=(0, 1, 2), comments=("#", "//"), ndmin=2
+    )
+    return PointCloud(points)
+
+
+def _is_point(line: str, comma: bool) -> bool:
+    words = line.split(",") if comma else line.split()
+    try:
+        return len([float(word) for word in words[:3]]) == 3
+    except ValueError:
+        return False
+
+
+def _package(name: str) -> ModuleType:
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise SetupError(f"the Python package '{name}' is missing: pip install 'lightdepth[points]'") from error
+
+
+READERS: dict[str, Callable[[Path], PointCloud]] = {
+    ".ply": _from_ply,
+    ".las": _from_las,
+    ".laz": _from_las,
+    ".e57": _from_e57,
+    ".xyz": _from_text,
+    ".txt": _from_text,
+    ".csv": _from_text,
+    ".pts": _from_text,
+}
+"""Readers by file name extension. A new format is one function and one line here."""

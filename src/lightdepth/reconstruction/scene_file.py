@@ -1,0 +1,108 @@
+"""Meshes of a place on disk, and their ``[[real]]`` tables in the scene file."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import tomlkit
+import trimesh
+from tomlkit.exceptions import TOMLKitError
+from tomlkit.items import AoT
+
+from lightdepth.errors import InputError
+from lightdepth.images.writing import whole_file
+from lightdepth.reconstruction.place import Place
+from lightdepth.scene.model import RealSurface, Role
+
+
+def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> None:
+    """Write each surface as ``NAME.ply`` (binary) into a folder, which is made where it is missing.
+
+    Raises:
+        InputError: the folder or a file cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
+    for surface in surfaces:
+        mesh = trimesh.Trimesh(surface.mesh.vertices, surface.mesh.faces, process=False)
+        with whole_file(mesh_path(surface, folder)) as temporary:
+            temporary.write_bytes(mesh.export(file_type="ply"))
+
+
+def mesh_path(surface: RealSurface, folder: Path) -> Path:
+    """Where a surface's mesh is written."""
+    return folder / f"{surface.name}.ply"
+
+
+def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], folder: Path) -> str:
+    """The text of a scene file with a ``[[real]]`` table for each surface; all else stays as the person wrote it.
+
+    A table of the same name gets the new mesh and role and loses a placement, for the mesh is in world space. Where the
+    file does not exist, it is begun with the panorama and its pose.
+
+    Args:
+        scene: the scene file; paths in it are relative to its folder.
+        place: what the surfaces were made for.
+        surfaces: of the place.
+        folder: of their meshes.
+
+    Raises:
+        InputError: the file is not a readable TOML file or its ``real`` is no array of tables.
+    """
+    document = _parsed(scene) if scene.exists() else _new_document(scene, place)
+    tables = document.get("real")
+    if tables is None:
+        tables = document["real"] = tomlkit.aot()
+    if not isinstance(tables, AoT):
+        raise InputError(f"{scene}: 'real' must be an array of tables, each under its own [[real]]")
+    for surface in surfaces:
+        table = next((table for table in tables if table.get("name") == surface.name), None)
+        if table is None:
+            tables.append(tomlkit.table())
+            table = tables[-1]
+            table["name"] = surface.name
+        table["mesh"] = _relative(mesh_path(surface, folder), scene)
+        table["role"] = surface.role.value
+        for key in ("position", "rotation", "scale", "rest"):
+            table.pop(key, None)
+        if surface.role is not Role.SUPPORT:
+            table.pop("gloss", None)
+    return tomlkit.dumps(document)
+
+
+def write_scene(scene: Path, text: str) -> None:
+    """Write a scene file, whole or not at all.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    with whole_file(scene) as temporary:
+        temporary.write_bytes(text.encode("utf-8"))
+
+
+def _parsed(scene: Path) -> tomlkit.TOMLDocument:
+    try:
+        return tomlkit.parse(scene.read_bytes().decode("utf-8"))
+    except (TOMLKitError, OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{scene}: not a readable TOML file ({error})") from error
+
+
+def _new_document(scene: Path, place: Place) -> tomlkit.TOMLDocument:
+    if place.image is None:
+        raise InputError(f"{scene}: no such file; to begin it, a panorama is needed")
+    panorama = tomlkit.table()
+    panorama["image"] = _relative(place.image, scene)
+    panorama["position"] = [round(float(x), 5) for x in place.pose.position]
+    panorama["rotation"] = [float(x) for x in place.rotation_degrees]
+    panorama.add(tomlkit.nl())
+    document = tomlkit.document()
+    document["panorama"] = panorama
+    return document
+
+
+def _relative(path: Path, scene: Path) -> str:
+    return Path(os.path.relpath(path.resolve(), scene.resolve().parent)).as_posix()

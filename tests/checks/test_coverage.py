@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+
+from lightdepth.checks import Severity, find_problems, inspect_scene
+from lightdepth.directions import euler_rotation, latlong_to_direction
+
+from .rooms import HIGH, RealSurface, Role, room, scene, side
+
+
+def rectangle_share(a, b, distance):
+    """Solid angle of a rectangle of half sides a and b, seen from a point over its middle, as a share of the sphere."""
+    return np.arctan(a * b / (distance * np.sqrt(a * a + b * b + distance * distance))) / np.pi
+
+
+def test_closed_room_is_covered():
+    coverage = inspect_scene(scene()).coverage
+    assert coverage.share == 1.0
+    assert coverage.largest_hole is None
+    assert coverage.by_surface["floor"] == pytest.approx(rectangle_share(2, 3, 1.25), rel=0.01)
+    assert sum(coverage.by_surface.values()) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("missing", "share", "azimuth", "elevation"),
+    [
+        ("front", rectangle_share(2, 1.25, 3), 0.0, 0.0),
+        ("right", rectangle_share(3, 1.25, 2), 90.0, 0.0),
+        ("back", rectangle_share(2, 1.25, 3), 180.0, 0.0),  # Across the panorama's edge: one hole, not two.
+        ("ceiling", rectangle_share(2, 3, 1.25), None, 90.0),
+    ],
+)
+def test_hole_has_its_size_and_direction(missing, share, azimuth, elevation):
+    hole = inspect_scene(scene(room(without=[missing]))).coverage.largest_hole
+    assert hole.share == pytest.approx(share, rel=0.02)
+    assert hole.elevation == pytest.approx(elevation, abs=1.0)
+    if azimuth is not None:
+        assert np.cos(np.radians(hole.azimuth - azimuth)) > np.cos(np.radians(1.0))
+
+
+def test_direction_pixel_and_angles_agree_for_a_turned_panorama():
+    rotation = euler_rotation([4.0, -7.0, 130.0])
+    hole = inspect_scene(scene(room(without=["right"]), rotation=rotation)).coverage.largest_hole
+    np.testing.assert_allclose(hole.direction, [1.0, 0.0, 0.0], atol=0.03)
+    seen = rotation @ latlong_to_direction((hole.column + 0.5) / 64, (hole.row + 0.5) / 32)
+    assert seen @ hole.direction > np.cos(np.radians(6.0))
+    u, v = hole.azimuth / 360 + 0.5, 0.5 - hole.elevation / 180
+    np.testing.assert_allclose(rotation @ latlong_to_direction(u, v), hole.direction, atol=1e-9)
+
+
+def test_largest_of_two_holes_is_told():
+    inspection = inspect_scene(scene(room(without=["left", "right"]), position=[-0.5, 0.0, 1.25]))
+    left, right = rectangle_share(3, 1.25, 1.5), rectangle_share(3, 1.25, 2.5)
+    assert inspection.coverage.largest_hole.azimuth == pytest.approx(-90.0, abs=1.0)
+    assert inspection.coverage.largest_hole.share == pytest.approx(left, rel=0.02)
+    assert inspection.coverage.share == pytest.approx(1 - left - right, abs=0.003)
+    (problem,) = [p for p in inspection.problems if p.severity is Severity.WARNING]
+    assert "hit no real surface" in problem.message
+
+
+def test_no_geometry_is_an_error():
+    (problem,) = find_problems(scene([]))
+    assert problem.severity is Severity.ERROR
+    assert "no real geometry" in problem.message
+
+
+def test_depth_alone_is_geometry():
+    depth = np.full((16, 32), 2.0, np.float32)
+    depth[:8] = np.inf
+    coverage = inspect_scene(scene([], depth=depth)).coverage
+    assert coverage.share == pytest.approx(0.5)
+    assert coverage.largest_hole.elevation > 80
+
+
+def test_sky_over_open_ground_is_half_of_all():
+    ground = side("floor")
+    far = type(ground)(ground.vertices * 1000, ground.faces)
+    inspection = inspect_scene(scene([RealSurface("ground", far, Role.SUPPORT)]))
+    assert inspection.coverage.share == pytest.approx(0.5, abs=0.01)
+    assert [problem.severity for problem in inspection.problems] == [Severity.WARNING]
+    assert HIGH[2] > 0

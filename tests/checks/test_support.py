@@ -1,0 +1,34 @@
+import numpy as np
+import pytest
+
+from lightdepth.checks import Severity, find_problems
+from lightdepth.scene.model import Mesh
+
+from .rooms import RealSurface, Role, box, room, scene, side
+
+SCREEN = RealSurface("screen", box([1.0, -3.0, 0.0], [1.01, 3.0, 2.5]), Role.ENVIRONMENT)
+
+
+def test_share_of_support_behind_a_screen():
+    (problem,) = find_problems(scene([*room(), SCREEN]))
+    assert problem.severity is Severity.HINT
+    assert '"floor"' in problem.message
+    share = float(problem.message.split("cannot see ")[1].split(" %")[0])
+    assert share == pytest.approx(25.0, abs=1.5)
+
+
+def test_support_that_is_wholly_hidden():
+    hidden = RealSurface("shelf", box([1.5, -1.0, 1.0], [1.9, 1.0, 1.03]), Role.SUPPORT)
+    problems = find_problems(scene([*room(), SCREEN, hidden]))
+    assert problems[0].severity is Severity.ERROR
+    assert '"shelf"' in problems[0].message
+
+
+def test_rest_positions_that_are_seen_will_do():
+    shelf = box([1.5, -1.0, 1.0], [1.9, 1.0, 1.03])
+    floor = side("floor").vertices
+    rest = np.linspace(floor[0] * 0.3, floor[2] * 0.3, len(shelf.vertices), dtype=np.float32)
+    rest[:, 0] *= np.where(np.arange(len(rest)) % 2, 0.2, 1.0)
+    mesh = Mesh(shelf.vertices, shelf.faces, rest=rest)
+    problems = find_problems(scene([*room(), SCREEN, RealSurface("shelf", mesh, Role.SUPPORT)]))
+    assert not any('"shelf"' in problem.message for problem in problems)

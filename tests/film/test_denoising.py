@@ -1,0 +1,113 @@
+"""Denoising: less error on the new layers, nothing else touched, no seams."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from lightdepth.directions import pixel_directions
+from lightdepth.errors import SetupError
+from lightdepth.film.denoising import denoise
+from lightdepth.film.frame import Frame
+
+HEIGHT, WIDTH = 64, 128
+
+
+def panorama_frame(noise=True, seed=11):
+    """A striped floor with a soft shadow and a bright spot near the pole and across the seam, and one round object."""
+    random = np.random.default_rng(seed)
+    direction = pixel_directions(HEIGHT, WIDTH)
+    stripes = 0.5 + 0.4 * np.sign(np.sin(40 * direction[..., 0]) * np.sin(40 * direction[..., 1]))
+    plate = (stripes[..., None] * [1.0, 0.8, 0.5]).astype(np.float32)
+    below = direction[..., 2] < -0.2
+    down, behind = direction @ [0.3, -0.6, -0.742], direction @ [-0.05, -0.8, -0.598]
+    taken = 0.6 / (1 + np.exp((0.75 - down) / 0.06)) * below
+    added = 0.5 * np.exp((behind - 1) / 0.02) * below * (behind > 0.9)
+    if noise:
+        taken, added = (part * random.gamma(3.0, 1 / 3.0, part.shape) for part in (taken, added))
+    change = plate * (added - taken)[..., None]
+    covered = direction @ [0.0, -0.98, 0.2] > 0.9
+    shade = 0.4 + 0.3 * direction[..., 0:1]
+    synthetic = covered[..., None] * shade * (random.gamma(3.0, 1 / 3.0, (*covered.shape, 1)) if noise else 1.0)
+    normal = np.where(covered[..., None], direction, [0.0, 0.0, 1.0])
+    return Frame(
+        plate,
+        np.where(covered[..., None], 0, change).astype(np.float32),
+        (synthetic * [0.9, 0.3, 0.2]).astype(np.float32),
+        covered.astype(np.float32),
+        np.ones(covered.shape, np.float32),
+        normal=normal.astype(np.float32),
+        albedo=np.where(covered[..., None], [0.9, 0.3, 0.2], plate).astype(np.float32),
+    )
+
+
+def rolled(frame, by):
+    layers = {name: getattr(frame, name) for name in ("plate", "change", "synthetic", "coverage", "alpha", "normal")}
+    return Frame(**{k: np.roll(v, by, axis=1) for k, v in layers.items()}, albedo=np.roll(frame.albedo, by, axis=1))
+
+
+def rms(values):
+    return float(np.sqrt(np.mean(np.square(values, dtype=np.float64))))
+
+
+@pytest.fixture(scope="module")
+def denoised():
+    pytest.importorskip("mitsuba_oidn", reason="Open Image Denoise is not installed")
+    return denoise(panorama_frame(), panoramic=True)
+
+
+@pytest.mark.parametrize("layer", ["change", "synthetic"])
+def test_the_error_falls(denoised, layer):
+    truth, noisy = getattr(panorama_frame(noise=False), layer), getattr(panorama_frame(), layer)
+    there = noisy.any(axis=2)
+    assert rms((getattr(denoised, layer) - truth)[there]) < rms((noisy - truth)[there]) / 3
+    assert abs((getattr(denoised, layer) - noisy)[there].mean()) < 0.02 * np.abs(noisy[there]).mean()
+
+
+def test_nothing_else_is_touched(denoised):
+    frame = panorama_frame()
+    for layer in ("plate", "coverage", "alpha", "normal", "albedo"):
+        np.testing.assert_array_equal(getattr(denoised, layer), getattr(frame, layer), strict=True)
+    for layer in ("change", "synthetic"):
+        nothing = ~getattr(frame, layer).any(axis=2)
+        assert 0.2 < nothing.mean() < 1
+        assert (getattr(denoised, layer)[nothing] == 0).all()
+    untouched = ~frame.change.any(axis=2) & (frame.coverage == 0)
+    np.testing.assert_array_equal(denoised.beauty[untouched], frame.plate[untouched])
+
+
+def test_there_is_no_seam(denoised):
+    """The panorama turned by half, whose seam lies elsewhere, is denoised to the same."""
+    turned = denoise(rolled(panorama_frame(), WIDTH // 2), panoramic=True)
+    for layer in ("change", "synthetic"):
+        expected = getattr(denoised, layer)
+        difference = np.roll(getattr(turned, layer), -WIDTH // 2, axis=1) - expected
+        assert np.abs(difference).max() < 0.01 * np.abs(expected).max()
+
+
+def test_bands_meet_without_a_seam(denoised, monkeypatch):
+    monkeypatch.setattr("lightdepth.film.denoising.PIXELS_AT_ONCE", 1)
+    monkeypatch.setattr("lightdepth.film.denoising.MARGIN", 32)
+    banded = denoise(panorama_frame(), panoramic=True)
+    assert rms(banded.change - denoised.change) < 0.1 * rms(denoised.change - panorama_frame().change)
+
+
+def test_an_ordinary_image_without_guides_is_denoised_as_well(denoised):
+    frame, truth = panorama_frame(), panorama_frame(noise=False)
+    frame.albedo = frame.normal = None
+    plain = denoise(frame, panoramic=False)
+    assert rms(plain.change - truth.change) < rms(frame.change - truth.change) / 2
+
+
+def test_an_empty_frame_stays_empty(denoised):
+    frame = panorama_frame()
+    frame.change[:], frame.synthetic[:] = 0, 0
+    result = denoise(frame, panoramic=True)
+    assert not result.change.any()
+    assert not result.synthetic.any()
+
+
+def test_a_missing_denoiser_is_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mitsuba_oidn", None)
+    with pytest.raises(SetupError, match=r"pip install 'lightdepth\[denoise\]'"):
+        denoise(panorama_frame(), panoramic=True)

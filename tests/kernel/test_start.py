@@ -1,0 +1,65 @@
+"""A libLLVM that will not do is refused with a message that says what to install; the process never aborts."""
+
+import _ctypes
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+
+FIND = "from lightdepth.kernel.start import find_libllvm, libllvm_version; print(libllvm_version(find_libllvm()))"
+
+
+def run(code, **environment):
+    return subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            f"from lightdepth.errors import SetupError\ntry:\n {code}\nexcept SetupError as e: exit(e)",
+        ],
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_installed_libllvm_is_found():
+    assert int(run(FIND).stdout) >= 17
+
+
+@pytest.mark.parametrize("start", [FIND, "from lightdepth.kernel.start import start; start('cpu')"])
+@pytest.mark.parametrize(
+    ("library", "complaint"),
+    [
+        ("nowhere.so", "which is not a file"),
+        (__file__, "cannot be loaded as libLLVM"),
+        (_ctypes.__file__, "is not libLLVM"),
+    ],
+)
+def test_wrong_file_is_refused(start, library, complaint):
+    result = run(start, DRJIT_LIBLLVM_PATH=library)
+    assert result.returncode == 1
+    assert library in result.stderr
+    assert complaint in result.stderr
+    assert "pip install karellen-llvm-core" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler to make a library that calls itself old")
+@pytest.mark.parametrize(
+    ("source", "complaint"),
+    [
+        ("void LLVMContextCreate(void) {}", "libLLVM of a version before 16"),
+        ("void LLVMGetVersion(unsigned *a, unsigned *b, unsigned *c) { *a = 16; }", "libLLVM 16, but 17 or later"),
+    ],
+)
+def test_old_version_is_refused(tmp_path, source, complaint):
+    (tmp_path / "old.c").write_text(source)
+    library = tmp_path / "libLLVM-old.so"
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, tmp_path / "old.c"], check=True)
+    result = run("from lightdepth.kernel.start import start; start('cpu')", DRJIT_LIBLLVM_PATH=str(library))
+    assert complaint in result.stderr
+    assert "pip install karellen-llvm-core" in result.stderr
+    assert result.returncode == 1
