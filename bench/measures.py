@@ -56,7 +56,7 @@ def find_regions(truth: Estimate, empty: NDArray[np.float64]) -> dict[str, NDArr
     """
     objects = truth.coverage > 0.0
     change = np.where(objects, 0.0, (truth.mean - empty).mean(axis=-1))
-    noise = np.sqrt(cv2.blur(np.where(objects, 0.0, truth.variance.mean(axis=-1)), (5, 5)) / 25.0)
+    noise = np.sqrt(np.maximum(cv2.blur(np.where(objects, 0.0, truth.variance.mean(axis=-1)), (5, 5)), 0.0) / 25.0)
     limit = np.maximum(INFLUENCE * cv2.blur(empty.mean(axis=-1), (5, 5)), SIGNIFICANT * noise)
     changed = ~objects & (np.abs(cv2.blur(change, (5, 5))) > limit)
     return {"objects": objects, "changed": changed, "untouched": ~objects & ~changed, "influenced": objects | changed}
