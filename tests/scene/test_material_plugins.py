@@ -115,7 +115,7 @@ def test_materials_and_textures_are_made_once(mi, write_scene, scene_folder):
     table = '[[synthetic]]\nname = "{}"\nmesh = "two.obj"\nmaterial = {{ type = "diffuse", color = "picture.png" }}\n'
     (scene_folder / "two.mtl").write_text("newmtl a\nKd 1 1 1\nnewmtl b\nKd 1 1 1\n")
     (scene_folder / "two.obj").write_text(
-        "mtllib two.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\nusemtl b\nf 3 2 1\n"
+        "mtllib two.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 3/1 2/1 1/1\n"
     )
     scene = load_scene(write_scene(table.format("x")))
     (first, a), (second, b) = synthetic_shapes(scene)

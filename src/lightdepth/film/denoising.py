@@ -76,7 +76,7 @@ def _load() -> ModuleType:
 
 def _touched(layer: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Pixels with anything in them, shape (height, width, 1)."""
-    return layer.any(axis=2, keepdims=True)
+    return (layer != 0.0).any(axis=2)[:, :, None]
 
 
 def _input_scale(layer: NDArray[np.float32], plate: NDArray[np.float32] | None, floor: np.float32) -> float:

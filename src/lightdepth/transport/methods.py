@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mitsuba as mi
@@ -12,7 +12,8 @@ import numpy as np
 from lightdepth.kernel.real_surfaces import merge_real_surfaces
 from lightdepth.kernel.shapes import synthetic_shapes
 from lightdepth.kernel.tracing import TracedSurfaces
-from lightdepth.scene.model import Scene
+from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.scene.model import RealSurface, Role, Scene
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import DifferenceIntegrator
 from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
@@ -41,7 +42,7 @@ class Prepared:
 
 def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     generator = np.random.default_rng(scene.render.seed)
-    modelled = merge_real_surfaces(scene.real)
+    modelled = merge_real_surfaces(_real_surfaces(scene))
     empty = Place(scene.panorama, TracedSurfaces(modelled), infinite)
     shapes = tuple(synthetic_shapes(scene))
     bounds = _bounds(shapes)
@@ -61,7 +62,7 @@ def _directional(scene: Scene) -> Prepared:
 
 
 def _envpath(scene: Scene) -> Prepared:
-    modelled = merge_real_surfaces(scene.real)
+    modelled = merge_real_surfaces(_real_surfaces(scene))
     shapes = tuple(synthetic_shapes(scene))
     real = support_with_scale_factors(scene, modelled)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
@@ -76,6 +77,15 @@ METHODS: dict[str, Callable[[Scene], Prepared]] = {
     "envpath": _envpath,
 }
 """The methods by name. A new one is a file in this folder and a line here."""
+
+
+def _real_surfaces(scene: Scene) -> Sequence[RealSurface]:
+    """The modelled surfaces; where there are none, one made from the panorama's depth, all of it support."""
+    if scene.real or scene.panorama.depth is None:
+        return scene.real
+    panorama = scene.panorama
+    mesh = mesh_from_depth(panorama.depth, panorama.position, panorama.rotation)
+    return (RealSurface("depth", mesh, Role.SUPPORT),)
 
 
 def _bounds(shapes: tuple[tuple[int, mi.Shape], ...]) -> ObjectBounds | None:

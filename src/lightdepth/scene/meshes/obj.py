@@ -44,11 +44,10 @@ def _one_solid(solid: dict[str, Any]) -> MeshPart:
     )
     material = getattr(visual, "material", None)
     statements = dict(getattr(material, "kwargs", {}))
-    if material is not None and "kd" not in statements and getattr(material, "image", None) is None:
+    image = getattr(material, "image", None)
+    if not statements and image is None:
         return MeshPart(mesh)
-    if material is None:
-        return MeshPart(mesh)
-    return MeshPart(mesh, _material(statements, material.image, uv is not None))
+    return MeshPart(mesh, _material(statements, image, uv is not None))
 
 
 def _material(statements: dict[str, Any], image: Any, has_texture_coordinates: bool) -> Principled:

@@ -1,0 +1,93 @@
+"""Small places with known light, for the tests of the transport."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from lightdepth.cameras import Equirectangular, Fisheye, Perspective
+from lightdepth.directions import euler_rotation, pixel_directions
+from lightdepth.scene.materials import Diffuse, Material
+from lightdepth.scene.model import (
+    AnalyticShape,
+    CameraView,
+    Gloss,
+    Mesh,
+    Panorama,
+    RealSurface,
+    RenderSettings,
+    Role,
+    Scene,
+    SyntheticObject,
+    SyntheticPart,
+)
+
+LOW, HIGH = np.array([-2.0, -2.5, 0.0]), np.array([2.5, 3.0, 2.6])
+CAPTURE = np.array([0.2, -0.3, 1.4])
+
+
+def box_mesh(low: NDArray = LOW, high: NDArray = HIGH) -> Mesh:
+    """A box whose faces point inward."""
+    box = trimesh.creation.box(bounds=[low, high])
+    return Mesh(np.asarray(box.vertices, np.float32), np.asarray(box.faces[:, ::-1], np.int32))
+
+
+def box_depth(directions: NDArray, origin: NDArray = CAPTURE, low: NDArray = LOW, high: NDArray = HIGH) -> NDArray:
+    """Distance to the inside of a box along unit directions of shape (..., 3)."""
+    with np.errstate(divide="ignore"):
+        exits = np.where(directions > 0, (high - origin) / directions, (low - origin) / directions)
+    return exits.min(axis=-1)
+
+
+def ball(material: Material, center: Sequence[float] = (0.3, 1.2, 0.4), radius: float = 0.4) -> SyntheticObject:
+    """A ball in the room."""
+    to_world = np.diag([radius, radius, radius, 1.0])
+    to_world[:3, 3] = center
+    return SyntheticObject("ball", (SyntheticPart(AnalyticShape("sphere", to_world), material),))
+
+
+def room(
+    radiance: NDArray | float = 1.0,
+    objects: Sequence[SyntheticObject] = (),
+    role: Role = Role.SUPPORT,
+    gloss: Gloss | None = None,
+    rotation: Sequence[float] = (3.0, -2.0, 40.0),
+    width: int = 64,
+    **settings: object,
+) -> Scene:
+    """A closed box photographed as ``radiance`` (constant, or an image), with three cameras in different places."""
+    image = np.asarray(radiance, np.float32)
+    if image.ndim < 3:
+        image = np.broadcast_to(image, (width // 2, width, 3)).copy()
+    turn = euler_rotation(rotation)
+    away = CAPTURE + [-0.8, -0.6, -0.2]
+    cameras = {
+        "pano": CameraView(Equirectangular(type="equirectangular", width=image.shape[1]), CAPTURE, turn),
+        "dome": CameraView(Fisheye(type="fisheye", width=48, fov=200), away, euler_rotation([20.0, 0.0, 0.0])),
+        "view": CameraView(
+            Perspective(type="perspective", width=48, height=32, fov=80), away, euler_rotation([-15, 0, -15])
+        ),
+    }
+    return Scene(
+        Panorama(image, CAPTURE, turn),
+        (RealSurface("room", box_mesh(), role, gloss),),
+        tuple(objects),
+        cameras,
+        RenderSettings(**settings),  # type: ignore[arg-type]
+    )
+
+
+def lamp_image(width: int = 256) -> NDArray[np.float32]:
+    """A smooth room with a small bright lamp and a window, no closed form."""
+    directions = pixel_directions(width // 2, width)
+    image = 0.3 + 0.2 * directions @ np.array([[0.5, 0.2, 0.1], [0.1, 0.6, 0.2], [0.4, 0.3, 0.2]])
+    image[directions @ [0.3, 0.4, 0.866] > 0.995] = [400.0, 300.0, 200.0]
+    image[directions @ [-0.8, 0.5, 0.33] > 0.96] = [8.0, 9.0, 12.0]
+    return image.astype(np.float32)
+
+
+WHITE = Diffuse(type="diffuse", color=(1.0, 1.0, 1.0))
+GREY = Diffuse(type="diffuse", color=(0.5, 0.4, 0.3))
