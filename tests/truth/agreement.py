@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from bench.measures import display, find_regions
 from bench.places import Place
-from bench.truth import Estimate, truth
+from bench.truth import truth
 from numpy.typing import NDArray
 from scipy.stats import norm
 
@@ -64,14 +64,9 @@ def compare(place: Place, camera: str, method: str, size: Size) -> Agreement:
     scene = replace(scene, render=replace(scene.render, max_bounces=32))
     frame = lightdepth.render(scene, camera=camera, samples=size.samples, method=method, seed=5)
     image = empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
-    variance = full.variance + empty.variance + frame.variance
-    return _agreement(image, full, empty.mean, variance)
-
-
-def _agreement(
-    image: NDArray[np.float64], full: Estimate, empty: NDArray[np.float64], variance: NDArray[np.float64]
-) -> Agreement:
-    influenced = find_regions(full, empty)["influenced"]
+    full = replace(full, variance=full.variance + empty.variance)
+    influenced = find_regions(full, empty.mean)["influenced"]
+    variance = full.variance + frame.variance
     error = (image - full.mean)[influenced]
     total = full.mean[influenced].sum()
     z = np.abs(error) / np.sqrt(np.maximum(variance[influenced], 1e-20))
