@@ -1,7 +1,5 @@
 """The scene file's [[real]] tables, with the rest as the person wrote it."""
 
-import tomllib
-
 import numpy as np
 import pytest
 import trimesh
