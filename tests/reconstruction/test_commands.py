@@ -46,7 +46,10 @@ def test_layout_then_lights(lightdepth, tmp_path, panorama, pose):
     assert [surface["area"] for surface in report["surfaces"]] == pytest.approx([21.0, 47.84, 21.0], rel=1e-3)
     # Edges are drawn where the room's are: along the upright corners.
     picture = cv2.imread(str(tmp_path / "check.png")).astype(int)
-    x, y = (int(np.round(c * n)) for c, n in zip(pose.to_panorama(np.array([high[0], high[1], 1.8])), (512, 256)))
+    x, y = (
+        int(np.round(c * n))
+        for c, n in zip(pose.to_panorama(np.array([high[0], high[1], 1.8])), (512, 256), strict=True)
+    )
     around = picture[y, x - 4 : x + 5]
     assert (around[:, 2] - around[:, 0]).max() > 100  # Orange.
 
@@ -75,7 +78,7 @@ def test_from_depth(lightdepth, tmp_path, panorama, depth):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["layout", "PANORAMA", "--floor", "1,2", "--ceiling", "2", "-o", "X", "--camera-height", "1"], "1 corners found"),
+        (["layout", "PANORAMA", "--floor", "1,2", "--ceiling", "2", "-o", "X", "--camera-height", "1"], "1 corners"),
         (["layout", "PANORAMA", "-o", "X", "--camera-height", "1"], "either --floor (a room) or --outdoor"),
         (["layout", "none.exr", "--outdoor", "-o", "X", "--camera-height", "1"], "none.exr: no such file"),
         (["from-depth", "none.npy", "-o", "X", "--position", "0,0,1"], "none.npy: no such file"),

@@ -54,9 +54,9 @@ def test_what_the_capture_point_sees_is_closed_by_what_lies_behind(depth, pose):
 def test_from_beside_one_sees_the_wall_behind_an_object(depth, pose):
     """Rays that pass just beside the cupboard, from half a metre off, meet something near the wall or floor there."""
     result = surfaces_from_depth(DepthImage(depth), pose)
-    low, high = FURNITURE["cupboard"]
+    _, high = FURNITURE["cupboard"]
     targets = np.array([[2.8, high[1] - 0.1, z] for z in np.linspace(0.3, 1.3, 20)])
-    origin = CAPTURE + [0.0, 0.6, 0.0]
+    origin = CAPTURE + np.array([0.0, 0.6, 0.0])
     directions = (targets - origin) / np.linalg.norm(targets - origin, axis=1, keepdims=True)
     hits = RayCaster([surface.mesh for surface in result.surfaces]).cast(origin, directions)
     assert np.isfinite(hits.distance).all()

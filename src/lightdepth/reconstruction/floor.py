@@ -23,6 +23,8 @@ LOWER_STEP = 0.1
 LOWER_SHARE = 0.25
 """It is believed where at least this share of the higher plane's points lie on it."""
 
+FLATTEST = 0.2
+"""Cosine to the plane's normal of a face that can be laid flat without becoming a sliver."""
 CONTRAST = 1.6
 """A plane holds at least this many times as many points as the two layers of the same thickness beside it."""
 
@@ -139,9 +141,9 @@ def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03) -> tuple[Mesh
         vertices[mesh.faces[:, 1]] - vertices[mesh.faces[:, 0]], vertices[mesh.faces[:, 2]] - vertices[mesh.faces[:, 0]]
     )
     lengths = np.linalg.norm(normals, axis=1)
-    steepness = np.abs(normals @ floor.normal)
+    flatness = np.abs(normals @ floor.normal)
     near = (np.abs(heights) < tolerance)[mesh.faces].all(axis=1)
-    on_floor = near & (steepness > 0.7 * lengths)
+    on_floor = near & (flatness > FLATTEST * lengths)
     used = np.unique(mesh.faces[on_floor])
     vertices[used] -= heights[used, None] * floor.normal
     flat = Mesh(vertices.astype(np.float32), mesh.faces)
