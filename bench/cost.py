@@ -132,7 +132,7 @@ def _triangles(quick: bool) -> tuple[list[str], list[list[str]]]:
     for wanted in (1_000, 100_000) if quick else (1_000, 10_000, 100_000, 1_000_000, 5_000_000):
         rings = round(np.sqrt(wanted / 4))
         ball = trimesh.creation.uv_sphere(radius=0.4, count=[rings + 1, 2 * rings])
-        vertices = (ball.vertices + (0.1, 1.1, 0.401)).astype(np.float32)
+        vertices = (ball.vertices + np.array([0.1, 1.1, 0.401])).astype(np.float32)
         part = SyntheticPart(Mesh(vertices, ball.faces.astype(np.int32)), Matte(color=(0.7, 0.15, 0.1)))
         placed = replace(place, objects=(SyntheticObject("ball", (part,)),))
         rows.append([f"{len(ball.faces):,}", *_object_row(placed, quick)])

@@ -135,7 +135,7 @@ def _floor_below(
 
     if stand is not None:
         return turn @ np.asarray(stand)
-    above = turn @ capture + (0.0, 1.2, 0.0)
+    above = turn @ capture + np.array([0.0, 1.2, 0.0])
     down = turn.T @ np.array([0.0, 0.0, -1.0])
     found = scene.ray_intersect(mi.Ray3f(mi.Point3f((turn.T @ above).tolist()), mi.Vector3f(down.tolist())))
     if not found.is_valid()[0]:

@@ -13,6 +13,8 @@ from bench.truth import Estimate
 
 INFLUENCE = 0.01
 """Relative change, averaged over 5 by 5 pixels, from which on a real surface counts as changed by the objects."""
+SIGNIFICANT = 3.0
+"""Standard deviations of the truth's noise by which the same must exceed it."""
 REGIONS = ("objects", "changed", "untouched", "influenced")
 
 
@@ -45,7 +47,7 @@ def find_regions(truth: Estimate, empty: NDArray[np.float64]) -> dict[str, NDArr
     """Masks of shape (height, width).
 
     Args:
-        truth: the place with the objects.
+        truth: the place with the objects, with the variance of its difference to ``empty``.
         empty: radiance without them, shape (height, width, 3).
 
     Returns:
@@ -54,8 +56,9 @@ def find_regions(truth: Estimate, empty: NDArray[np.float64]) -> dict[str, NDArr
     """
     objects = truth.coverage > 0.0
     change = np.where(objects, 0.0, (truth.mean - empty).mean(axis=-1))
-    relative = np.abs(cv2.blur(change, (5, 5))) / np.maximum(cv2.blur(empty.mean(axis=-1), (5, 5)), 1e-12)
-    changed = ~objects & (relative > INFLUENCE)
+    noise = np.sqrt(np.maximum(cv2.blur(np.where(objects, 0.0, truth.variance.mean(axis=-1)), (5, 5)), 0.0) / 25.0)
+    limit = np.maximum(INFLUENCE * cv2.blur(empty.mean(axis=-1), (5, 5)), SIGNIFICANT * noise)
+    changed = ~objects & (np.abs(cv2.blur(change, (5, 5))) > limit)
     return {"objects": objects, "changed": changed, "untouched": ~objects & ~changed, "influenced": objects | changed}
 
 

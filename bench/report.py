@@ -19,12 +19,12 @@ REGION_TITLES = {
 }
 INTRODUCTION = """# Benchmarks
 
-Written by `make bench`; the raw figures are in `bench/results/`. Every method is given the same photograph of a virtual
-place, the same model of it and the same objects, and is compared with full path tracing of the place with the objects in
-it (stock Mitsuba `path`, up to 32 path vertices, through the same camera).
+Written by `make bench`; the raw figures are in `bench/results/`. Every method is given the same photograph of a
+virtual place, the same model of it and the same objects, and is compared with full path tracing of the place with the
+objects in it (stock Mitsuba `path`, up to 32 path vertices, through the same camera).
 
-- Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and taken out of every
-  squared error.
+- Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and taken out of
+  every squared error.
 - All methods composite into the same plate, so that only what they add is compared.
 - *Bias* is the error that stays with more and more samples, *noise* that of one sample a pixel, both from a fit of
   `error^2 = bias^2 + noise^2 / samples` over the budgets.
@@ -48,8 +48,8 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
     lines = [INTRODUCTION]
     machine = results["machine"]
     lines.append(
-        f"Machine: {machine['processor']}, {machine['threads']} threads, Python {machine['python']}; {machine['date']}; "
-        f"load before the run {machine['load_before']}.\n"
+        f"Machine: {machine['processor']}, {machine['threads']} threads, Python {machine['python']}; "
+        f"{machine['date']}; load before the run {machine['load_before']}.\n"
     )
     if note:
         lines.append(f"**{note}**\n")
@@ -166,7 +166,7 @@ def _time_to_error(results: dict[str, Any], records: Sequence[dict[str, Any]]) -
                 row.append(_seconds(needed) + ratio)
             rows.append(row)
     if rows:
-        yield "Time to equal error (from the fits; *never*: the bias alone is larger), in brackets against `difference`:\n"
+        yield "Time to equal error (from the fits; *never*: the bias alone is larger); in brackets, against ours:\n"
         yield _table(["region", "error", *results["labels"].values()], rows)
 
 

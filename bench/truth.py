@@ -22,7 +22,9 @@ CACHE = Path(__file__).parent / "results" / "cache"
 MAX_DEPTH = 32
 LANES = 1 << 22
 """Camera rays of one pass: bounds memory, whatever the size and the number of samples."""
-CACHE_FORMAT = 1
+FEWEST_PASSES = 32
+"""The variance is estimated from the spread of the passes; few of them would make it an unreliable estimate."""
+CACHE_FORMAT = 2
 """Part of every cache key; raise it when the code below changes what it computes."""
 
 
@@ -59,7 +61,7 @@ def path_trace(
     Args:
         scene: ``mi.Scene``; shapes whose id starts with ``synthetic`` count as covered.
         view: the camera.
-        samples: camera rays a pixel, rounded up to whole passes; at least two passes are made.
+        samples: camera rays a pixel, rounded up to whole passes.
         seed: of the random numbers.
         max_depth: path length of Mitsuba's ``path`` (its counting: 2 is direct light).
         with_coverage: whether coverage is wanted; it is 0 otherwise.
@@ -71,10 +73,10 @@ def path_trace(
     width, height = view.camera.resolution
     pixels = width * height
     sampler = mi.load_dict(
-        {"type": "multijitter", "sample_count": int(max(1, min(LANES // pixels, (samples + 1) // 2)))}
+        {"type": "multijitter", "sample_count": int(max(1, min(LANES // pixels, samples // FEWEST_PASSES)))}
     )
     per_pass = int(sampler.sample_count())  # The sampler rounds up to a grid of strata.
-    passes = max(2, -(-samples // per_pass))
+    passes = max(min(FEWEST_PASSES, samples), 2, -(-samples // per_pass))
     integrator = mi.load_dict({"type": "path", "max_depth": max_depth})
     mean = np.zeros((height, width, 3))
     spread = np.zeros((height, width, 3))

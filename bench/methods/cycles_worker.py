@@ -1,8 +1,8 @@
 """Blender Cycles in its two common workflows. Runs in the peers' own environment: ``python cycles_worker.py JOB.json``.
 
-``catcher``: the panorama as world light, the support that users call the ground as shadow catcher; the catcher pass
-multiplies the plate, the objects are laid over it. ``proxy``: the place as emissive geometry with the panorama projected
-onto it, the ground reflecting, rendered with and without the objects; the difference is added to the plate.
+``catcher``: the panorama as world light, the ground as shadow catcher; the catcher pass multiplies the plate, the objects
+are laid over it. ``proxy``: the place as emissive geometry with the panorama projected onto it, the ground reflecting,
+rendered with and without the objects; the difference is added to the plate.
 
 Imports nothing of lightdepth or of the benchmark: it runs under another Python with other packages.
 """

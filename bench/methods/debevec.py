@@ -1,8 +1,8 @@
 """Debevec 1998 on stock Mitsuba: two passes and a composite, with the place as emissive proxy geometry.
 
-The distant scene is the modelled geometry as area lights that emit the photograph projected onto them; the local scene is
-the ground with its true albedo, which a user would have to estimate. Both are path-traced with the objects and without;
-the difference of the two is added to the plate.
+The distant scene is the modelled geometry as area lights that emit the photograph projected onto them; the local scene
+is the ground with its true albedo, which a user would have to estimate. Both are path-traced with the objects and
+without; the difference of the two is added to the plate.
 """
 
 from __future__ import annotations

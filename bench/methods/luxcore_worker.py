@@ -1,7 +1,7 @@
 """LuxCore with the panorama as environment light and a shadow catcher: ``python luxcore_worker.py JOB.json``.
 
-The ground is the catcher; the result's alpha lays objects and shadows over the plate. Imports nothing of lightdepth or of
-the benchmark: it runs under another Python with other packages.
+The ground is the catcher; the result's alpha lays objects and shadows over the plate. Imports nothing of lightdepth or
+of the benchmark: it runs under another Python with other packages.
 """
 
 from __future__ import annotations
@@ -72,11 +72,11 @@ def build():
         short = half * min(1.0, settings["height"] / settings["width"])
         put("scene.camera.fieldofview", float(np.degrees(2.0 * np.arctan(short))))
 
-    # LuxCore's map has its centre column along -x... turned so that it looks along +y of light space.
+    # LuxCore's map is turned and mirrored against lightdepth's, so the transformation has determinant -1.
     put("scene.lights.sky.type", "infinite")
     put("scene.lights.sky.file", str(job_path.parent / job["panorama"]))
     put("scene.lights.sky.gamma", 1.0)
-    angle = np.radians(job["capture"]["rotation"][2] + 90.0 + job.get("extra_turn", 0.0))
+    angle = np.radians(job["capture"]["rotation"][2] + 90.0)
     cos, sin = np.cos(angle), np.sin(angle)
     put("scene.lights.sky.transformation", numbers([-cos, -sin, 0, 0, sin, -cos, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]))
 

@@ -28,8 +28,8 @@ def scene_of(shot: Shot) -> Scene:
 def own(shot: Shot, method: str, budgets: Sequence[int], denoise: bool = False, seed: int = 0) -> list[Rendered]:
     """Render with growing numbers of samples.
 
-    The place is prepared once (irradiance, importance tables) by an untimed rendering of one sample, as the other methods'
-    kernels are warm too. What preparing takes is reported beside the results, by ``python -m bench cost``.
+    The place is prepared once (irradiance, importance tables) by an untimed rendering, as the other methods' scenes and
+    kernels are ready before the clock starts. What preparing takes is measured by ``python -m bench cost``.
     """
     scene = scene_of(shot)
     lightdepth.render(scene, camera="shot", samples=budgets[0], method=method, seed=seed + 1, denoise=denoise)

@@ -54,8 +54,8 @@ METHODS: dict[str, Method] = {
     "cycles_proxy": Method(
         "Cycles, emissive proxy, two renders",
         partial(_worker, "cycles_worker.py", "proxy"),
-        "photograph projected in the shader, lamps with their true radiance sampled from their front, light tree, ground "
-        "with its true albedo, no clamping, no glossy filter, caustics on, the same seed in both, 8 bounces",
+        "photograph projected in the shader, lamps with their true radiance sampled from their front, light tree, "
+        "ground with its true albedo, no clamping, no glossy filter, caustics on, the same seed in both, 8 bounces",
         peer=True,
     ),
     "cycles_catcher": Method(

@@ -69,7 +69,7 @@ def join(meshes: Sequence[Mesh]) -> Mesh:
     """Several rectangles as one mesh, flat-shaded; their textures stand side by side, vertices are not merged."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     coordinates = [
-        (mesh.texture_coordinates + (tile, 0.0)) / (len(meshes), 1.0)
+        (mesh.texture_coordinates + np.array([tile, 0.0])) / (len(meshes), 1.0)
         for tile, mesh in enumerate(meshes)
         if mesh.texture_coordinates is not None
     ]

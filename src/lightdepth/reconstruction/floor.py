@@ -23,6 +23,11 @@ LOWER_STEP = 0.1
 LOWER_SHARE = 0.25
 """It is believed where at least this share of the higher plane's points lie on it."""
 
+FLATTEST = 0.2
+"""Cosine to the plane's normal of a face that can be laid flat without becoming a sliver."""
+CONTRAST = 1.6
+"""A plane holds at least this many times as many points as the two layers of the same thickness beside it."""
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -71,10 +76,14 @@ def find_floor(
     while len(below) >= 3:
         found = _ransac(below, tolerance, np.cos(np.radians(largest_tilt)), random)
         needed = 0.01 * len(points) if floor is None else LOWER_SHARE * floor.share * len(points)
-        if found is None or np.count_nonzero(np.abs(found.heights(below)) < tolerance) < max(needed, 3):
+        if found is None:
             break
-        share = np.count_nonzero(np.abs(found.heights(points)) < tolerance) / len(points)
-        floor = Plane(found.normal, found.offset, share)
+        heights = np.abs(found.heights(points))
+        on_plane, beside = np.count_nonzero(heights < tolerance), np.count_nonzero(heights < 2.0 * tolerance)
+        # A level slice through walls holds no more points than the slices beside it.
+        if on_plane < max(needed, 30) or on_plane < CONTRAST * (beside - on_plane):
+            break
+        floor = Plane(found.normal, found.offset, on_plane / len(points))
         below = below[floor.heights(below) < -LOWER_STEP]
     if floor is None:
         raise InputError(
@@ -132,9 +141,9 @@ def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03) -> tuple[Mesh
         vertices[mesh.faces[:, 1]] - vertices[mesh.faces[:, 0]], vertices[mesh.faces[:, 2]] - vertices[mesh.faces[:, 0]]
     )
     lengths = np.linalg.norm(normals, axis=1)
-    steepness = np.abs(normals @ floor.normal)
+    flatness = np.abs(normals @ floor.normal)
     near = (np.abs(heights) < tolerance)[mesh.faces].all(axis=1)
-    on_floor = near & (steepness > 0.7 * lengths)
+    on_floor = near & (flatness > FLATTEST * lengths)
     used = np.unique(mesh.faces[on_floor])
     vertices[used] -= heights[used, None] * floor.normal
     flat = Mesh(vertices.astype(np.float32), mesh.faces)

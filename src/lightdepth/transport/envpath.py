@@ -171,13 +171,14 @@ class EnvpathIntegrator:
             radiance += dr.select(arrived, throughput * seen * weight, 0.0)
             active &= ~on_environment
 
-            # Lines 12 and 13.
-            synthetic_path |= on_synthetic
+            # Lines 12 and 13; ``pt`` is of the last vertex (5).
+            direct_support = on_support & (synthetic_path | first)
+            synthetic_path = mi.Bool(on_synthetic)
             covered |= first & on_synthetic
             if dr.hint(self.has_emitters, mode="scalar"):
                 emitter = si.emitter(self.surfaces.all, on_synthetic)
                 shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
-                radiance += dr.select(shines, throughput * emitter.eval(si, shines), 0.0)  # (6)
+                radiance += dr.select(shines, throughput * emitter.eval(si, shines), 0.0)  # (7)
             active &= depth < self.max_bounces
             on_support &= active
             on_synthetic &= active
@@ -189,7 +190,7 @@ class EnvpathIntegrator:
             own = self.place.surface_radiance(hit, on_support)
             factor = self.surfaces.irradiance(hit, on_support).x
             photograph = dr.select(first & on_support, own, photograph)
-            direct_support = on_support & (synthetic_path | first)
+            direct_support &= active
             number = dr.select(first, randoms.spread("light")[0], randoms.next(active))
             light = self.place.light(number, active)
             direction, distance, pdf = self.place.toward(light, point)
