@@ -8,7 +8,7 @@ import bpy
 from mathutils.bvhtree import BVHTree
 
 from . import picking, roles
-from .evaluation import with_render_depsgraph
+from .evaluation import EvaluationError, with_render_depsgraph
 from .export import ExportError, export_scene
 from .preferences import renderer_command
 from .process import RendererError, run_json
@@ -48,7 +48,7 @@ class Check(bpy.types.Operator):
                 found = run_json(renderer_command(), ["check", str(path), "--json"])
             problems = [f"{problem['severity']}: {problem['message']}" for problem in found["problems"]]
             coverage = float(found["coverage"]["share"]) if found["coverage"] else -1.0
-        except (RendererError, ExportError, OSError) as error:
+        except (RendererError, ExportError, EvaluationError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         except (KeyError, TypeError, ValueError) as error:

@@ -14,6 +14,11 @@ import bpy
 
 ENGINE = "LIGHTDEPTH"
 
+
+class EvaluationError(Exception):
+    """Blender did not make the dependency graph."""
+
+
 _work: Callable[[bpy.types.Depsgraph], None] | None = None
 
 
@@ -32,6 +37,7 @@ def with_render_depsgraph(context, function: Callable[[bpy.types.Depsgraph], Any
         What the function returns.
 
     Raises:
+        EvaluationError: Blender refuses to render the scene.
         Exception: what the function raises.
     """
     global _work
@@ -49,9 +55,13 @@ def with_render_depsgraph(context, function: Callable[[bpy.types.Depsgraph], Any
     try:
         with _as_engine(context.scene), _spare_render_slot():
             bpy.ops.render.render(scene=context.scene.name)
+    except RuntimeError as error:  # what the operator reported
+        raise EvaluationError(str(error).strip()) from error
     finally:
         _work = None
-    result, error = outcome[0] if outcome else (None, RuntimeError("Blender did not evaluate the scene"))
+    if not outcome:
+        raise EvaluationError("Blender did not evaluate the scene; is its view layer used for rendering?")
+    result, error = outcome[0]
     if error is not None:
         raise error
     return result

@@ -14,7 +14,7 @@ from bpy_extras.io_utils import ExportHelper
 from mathutils import Matrix
 
 from . import cameras, lights, materials, meshes, panorama, roles, toml
-from .evaluation import with_render_depsgraph
+from .evaluation import EvaluationError, with_render_depsgraph
 from .picking import capture_pose
 from .properties import show_lines
 
@@ -165,12 +165,20 @@ def _instances(depsgraph) -> Iterator[tuple[Any, Matrix, bool]]:
             yield instance.object, instance.matrix_world.copy(), instance.is_instance
 
 
-def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
-    settings = scene.lightdepth
+def require_panorama(settings) -> None:
+    """Refuse a scene without a photograph.
+
+    Raises:
+        ExportError: there is no panorama, or it has no capture point.
+    """
     if settings.image is None:
         raise ExportError("There is no panorama: load one in the sidebar of the 3D viewport, tab lightdepth")
     if settings.capture is None:
         raise ExportError("The panorama has no capture point: choose an empty in the sidebar, tab lightdepth")
+
+
+def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
+    settings = scene.lightdepth
     capture = capture_pose(settings)
     return {
         "image": writer.relative(panorama.file_of(settings.image, writer.mesh_folder)),
@@ -214,6 +222,7 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path) -> Exported:
         OSError: a file cannot be written.
     """
     scene = depsgraph.scene_eval
+    require_panorama(scene.lightdepth)
     writer = _Writer(depsgraph, path.parent, path.with_name(f"{path.stem}_meshes"))
     document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
     for item, to_world, by_instancing in _instances(depsgraph):
@@ -253,8 +262,9 @@ class ExportScene(bpy.types.Operator, ExportHelper):
         settings = context.scene.lightdepth
         path = Path(bpy.path.abspath(self.filepath))
         try:
+            require_panorama(settings)
             exported = with_render_depsgraph(context, lambda depsgraph: export_scene(depsgraph, path))
-        except (ExportError, OSError) as error:
+        except (ExportError, EvaluationError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         show_lines(settings.export_notes, exported.notes)

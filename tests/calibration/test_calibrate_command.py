@@ -2,6 +2,8 @@
 
 import json
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -112,6 +114,23 @@ def test_a_scene_of_another_panorama_is_told(room, panorama, tmp_path):
     scene.write_text('[panorama]\nimage = "kitchen.exr"\n')
     found = run(panorama, "--rectangle", text(room.pixels(room.RUG, WIDTH)), "--width", 2, "--write", scene)
     assert any("its panorama is" in warning for warning in found["warnings"])
+
+
+def test_the_commands_of_the_document(room, tmp_path, monkeypatch):
+    """They run, and print the rotations that the document shows."""
+    document = (Path(__file__).parents[2] / "docs/calibration.md").read_text(encoding="utf-8")
+    shown = re.findall(r"^\$ lightdepth (calibrate .*)\nrotation +(\S+) +(\S+) +(\S+) ", document, re.MULTILINE)
+    assert len(shown) == 4
+    monkeypatch.chdir(tmp_path)
+    write_radiance(Path("room.exr"), room.radiance(1024))
+    Path("room.toml").write_text('[panorama]\nimage = "room.exr"   # photographed in May\n')
+    for command, *rotation in shown:
+        result = CliRunner().invoke(app, shlex.split(command), catch_exceptions=False)
+        assert result.exit_code == 0
+        printed = re.search(r"rotation +(\S+) +(\S+) +(\S+) ", result.stdout).groups()
+        np.testing.assert_allclose(np.array(printed, dtype=float), np.array(rotation, dtype=float), atol=0.02)
+    assert Path("room.toml").read_text().strip() in document
+    assert {path.name for path in tmp_path.iterdir()} == {"room.exr", "room.toml", "check.png", "auto.png"}
 
 
 def test_the_table_for_people(room, panorama):

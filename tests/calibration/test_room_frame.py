@@ -110,8 +110,10 @@ def test_walls_found_help_noisy_clicks(room, poses):
         rug = FloorRectangle(poses.click(seen / np.linalg.norm(seen, axis=1, keepdims=True), deviation=3.0), width=2.0)
         # Named along other walls than the rug's sides, as an automatic search may.
         frame = frame_of(euler_rotation([0.1, -0.1, 90.1]) @ rotation)
-        alone.append(angle_between(calibrate(Cues(rug)).rotation, rotation))
-        together.append(angle_between(calibrate(Cues(rug, room=frame)).rotation, rotation))
+        click_error = 3.0 * 360 / 2048
+        alone.append(angle_between(calibrate(Cues(rug, click_error=click_error)).rotation, rotation))
+        cues = Cues(rug, room=frame, click_error=click_error)
+        together.append(angle_between(calibrate(cues).rotation, rotation))
     assert np.median(together) < 0.3
     assert np.median(together) < np.median(alone) / 3
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 import trimesh
-from tests.lightmap.rooms import POSITION, ROTATION, box, box_depth, scene, to_mesh
 
 from lightdepth.directions import pixel_directions
 from lightdepth.lightmap.building import build_light_depth_map
+from tests.lightmap.rooms import POSITION, ROTATION, box, box_depth, scene, to_mesh
 
 
 def test_depth_of_a_box():

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import trimesh
-from tests.lightmap.rooms import POSITION, ROTATION, box, box_depth, scene, to_mesh
 
 from lightdepth.directions import pixel_directions
 from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from tests.lightmap.rooms import POSITION, ROTATION, box, box_depth, scene, to_mesh
 
 
 def boundary_edges(mesh):

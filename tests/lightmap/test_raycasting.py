@@ -1,9 +1,9 @@
 """Rays against meshes."""
 
 import numpy as np
-from tests.lightmap.rooms import box
 
 from lightdepth.kernel.raycasting import RayCaster
+from tests.lightmap.rooms import box
 
 
 def test_the_first_mesh_its_face_and_normal_are_found():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import trimesh
@@ -78,6 +79,16 @@ def room(
         cameras,
         RenderSettings(**settings),  # type: ignore[arg-type]
     )
+
+
+def with_floor_alone_as_support(scene: Scene) -> Scene:
+    """The same room with walls and ceiling declared environment."""
+    surface = scene.real[0]
+    mesh = surface.mesh
+    on_floor = (mesh.vertices[mesh.faces][:, :, 2] == LOW[2]).all(axis=1)
+    floor = RealSurface("floor", Mesh(mesh.vertices, mesh.faces[on_floor]), Role.SUPPORT, surface.gloss)
+    walls = RealSurface("walls", Mesh(mesh.vertices, mesh.faces[~on_floor]), Role.ENVIRONMENT)
+    return replace(scene, real=(floor, walls))
 
 
 def lamp_image(width: int = 256) -> NDArray[np.float32]:

@@ -8,8 +8,7 @@ import pytest
 import lightdepth
 from lightdepth.directions import pixel_directions
 from lightdepth.film.layers import read_frame, write_frame
-from lightdepth.scene.model import RealSurface, Role
-from tests.transport.places import GREY, LOW, ball, box_depth, lamp_image, room
+from tests.transport.places import GREY, ball, box_depth, lamp_image, room, with_floor_alone_as_support
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +30,8 @@ def test_without_objects_the_picture_is_the_photograph_bit_for_bit(photograph, s
 def test_pixels_that_no_object_influences_have_no_variance():
     """Only the floor is support; the walls are environment and must stay the photograph."""
     image = lamp_image(128)
-    scene = room(image, [ball(GREY)])
-    box = scene.real[0].mesh
-    on_floor = (box.vertices[box.faces][:, :, 2] == LOW[2]).all(axis=1)
-    floor = replace(box, faces=box.faces[on_floor])
-    walls = replace(box, faces=box.faces[~on_floor])
-    real = (RealSurface("floor", floor, Role.SUPPORT), RealSurface("walls", walls, Role.ENVIRONMENT))
-    frame = lightdepth.render(replace(scene, real=real), "pano", samples=32)
+    scene = with_floor_alone_as_support(room(image, [ball(GREY)]))
+    frame = lightdepth.render(scene, "pano", samples=32)
     looks_up = np.zeros(frame.coverage.shape, bool)
     looks_up[: frame.coverage.shape[0] * 2 // 5] = True
     assert (frame.coverage[looks_up] == 0).all()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -139,7 +139,7 @@ def calibrate(cues: Cues, origin: str = "corner") -> Calibration:
         confidence=cues.room.confidence if cues.room is not None else None,
     )
     warnings += _doubts(result, cues)
-    return Calibration(**{**vars(result), "warnings": tuple(warnings)})
+    return replace(result, warnings=tuple(warnings))
 
 
 def _check(cues: Cues, origin: str) -> None:

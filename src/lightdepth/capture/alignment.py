@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -49,7 +49,7 @@ def align(images: Sequence[NDArray[np.float32]], amounts: Sequence[float]) -> li
     middle = len(order) // 2
     found = {int(order[middle]): np.eye(3)}
     for chain in (order[middle::-1], order[middle:]):
-        for known, unknown in itertools.pairwise(chain):
+        for known, unknown in pairwise(chain):
             found[int(unknown)] = _between(images[known], images[unknown]) @ found[int(known)]
     return [found[index][:2] for index in range(len(images))]
 

@@ -147,13 +147,11 @@ def _read_table(table: Path) -> dict[str, Exposure]:
         )
     rows = {}
     for row in reader:
-        values = {}
-        for name in ("time", "aperture", "iso"):
-            text = (row.get(name) or "").strip()
-            if not text and name != "time":
-                continue
-            values[name] = _positive(text, f"{table}: line {reader.line_num}: {name}")
-        rows[Path(row["file"]).name] = Exposure(**values)
+        time, aperture, iso = (
+            _positive((row.get(name) or "").strip() or default, f"{table}: line {reader.line_num}: {name}")
+            for name, default in (("time", ""), ("aperture", "1"), ("iso", "100"))
+        )
+        rows[Path(row["file"]).name] = Exposure(time, aperture, iso)
     return rows
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import cv2
@@ -9,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+
+_BLACK = 0.012
 
 
 @dataclass(frozen=True)
@@ -68,11 +71,13 @@ def parse_circle(text: str) -> Circle:
     return Circle(x, y, radius)
 
 
-def find_circle(photograph: NDArray) -> Circle:
-    """Find the fisheye circle in a photograph: bright inside, black outside.
+def find_circle(photographs: Iterable[NDArray]) -> Circle:
+    """Find the fisheye circle in a bracket: bright inside, black outside.
+
+    Long exposures show stray light outside the circle; the first photograph with black outside decides.
 
     Args:
-        photograph: a well or over-exposed photograph, RGB, 8 or 16 bits, shape (height, width, 3).
+        photographs: from the longest exposure to the shortest, RGB, 8 or 16 bits, each of shape (height, width, 3).
 
     Returns:
         The circle, in pixels.
@@ -80,11 +85,15 @@ def find_circle(photograph: NDArray) -> Circle:
     Raises:
         InputError: there is no such circle.
     """
-    scale = min(1.0, 1200.0 / max(photograph.shape[:2]))
-    small = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    light = cv2.blur(small.max(axis=2).astype(np.float32) / np.iinfo(photograph.dtype).max, (3, 3))
-    points = _edge_points(light)
-    if len(points) >= 24:
+    for photograph in photographs:
+        scale = min(1.0, 1200.0 / max(photograph.shape[:2]))
+        small = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        light = cv2.blur(small.max(axis=2).astype(np.float32) / np.iinfo(photograph.dtype).max, (3, 3))
+        if np.percentile(light, 3) > _BLACK:
+            continue
+        points = _edge_points(light)
+        if len(points) < 24:
+            continue
         circle, share = _fit(points)
         if share > 0.6:
             return Circle(circle.x / scale, circle.y / scale, circle.radius / scale)
@@ -128,7 +137,7 @@ def _through(points: NDArray[np.float64]) -> Circle:
     """Least-squares circle (Kasa's): ``x^2 + y^2 = 2 x x0 + 2 y y0 + k``."""
     system = np.column_stack([2.0 * points, np.ones(len(points))])
     x, y, k = np.linalg.lstsq(system, (points**2).sum(axis=1), rcond=None)[0]
-    return Circle(x, y, float(np.sqrt(max(k + x * x + y * y, 0.0))))
+    return Circle(float(x), float(y), float(np.sqrt(max(k + x * x + y * y, 0.0))))
 
 
 def _distance(points: NDArray[np.float64], circle: Circle) -> NDArray[np.float64]:

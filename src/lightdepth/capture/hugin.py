@@ -30,8 +30,8 @@ def require(tools: Sequence[str]) -> None:
     if missing:
         packages = sorted({PACKAGES.get(tool, "hugin-tools") for tool in missing})
         raise SetupError(
-            f"{', '.join(missing)} not found on the PATH: stitching needs Hugin's command-line tools; install them with "
-            f"'apt-get install {' '.join(packages)}' (Debian, Ubuntu) or from https://hugin.sourceforge.io"
+            f"{', '.join(missing)} not found on the PATH: stitching needs Hugin's command-line tools; install them "
+            f"with 'apt-get install {' '.join(packages)}' (Debian, Ubuntu) or from https://hugin.sourceforge.io"
         )
 
 

@@ -21,6 +21,9 @@ from lightdepth.errors import InputError
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, and how many of how many parts of it are done."""
 
+LEAST_TRUST = 0.05
+"""Trust in a black pixel of the longest exposure."""
+
 GHOST = 0.05
 """Difference of readings in [0, 1] beyond which something moved; noise is alike in all readings, and much smaller."""
 
@@ -93,8 +96,7 @@ def merge(
     """Merge a bracket.
 
     Each reading counts with its exposure (the light that made it, so the inverse variance of its photon noise) times
-    the trust in it: none for black and clipped ones. A pixel clipped in every exposure has the shortest one's value, a
-    pixel black in every exposure the longest one's.
+    the trust in it: none for black and clipped ones. A pixel clipped in every exposure has the shortest one's value.
 
     Args:
         bracket: photographs of the same view with their exposures, in any order.
@@ -133,7 +135,7 @@ def merge(
 
     shape: list[int] = []
     if circle == "auto":
-        circle = find_circle(load(len(bracket) - 1))
+        circle = find_circle(load(index) for index in reversed(range(len(bracket))))
     matrices: list[NDArray[np.float64]] = []
     scale = 1.0
     if align:
@@ -159,11 +161,10 @@ def merge(
         radiance, weight = readings(index)
         if total is None:
             total, weights = np.zeros_like(radiance), np.zeros_like(radiance)
-            clipped, black = np.ones(radiance.shape[:2], bool), np.ones(radiance.shape[:2], bool)
+            black = np.ones(radiance.shape[:2], bool)
             rejected = np.zeros(radiance.shape[:2], bool)
             channel_clipped = np.ones(radiance.shape, bool)
-            shortest, longest = radiance, radiance
-        longest = radiance
+            shortest = radiance
         level = response_bounds(response, amount)
         channel_clipped &= radiance > level[1]
         black &= (radiance < level[0]).all(axis=2)
@@ -171,16 +172,19 @@ def merge(
             moved = _moved(response.readings(radiance * amount), response.readings(reference * amount))
             rejected |= moved
             weight = weight * ~moved[..., None]
+        if index == len(amounts) - 1:
+            # Nothing sees the dark better than the longest exposure: black there is black, whatever noise the shorter
+            # ones read.
+            weight = np.maximum(weight, LEAST_TRUST * (radiance < level[1]))
         weight *= np.float32(amount)
         total += weight * radiance
         weights += weight
         tick("merging")
     assert total is not None
-    clipped = channel_clipped.any(axis=2)
+    clipped: NDArray[np.bool_] = np.asarray(channel_clipped.any(axis=2))
     known = weights > 0.0
     result = np.divide(total, weights, out=total, where=known)
-    middle = response_bounds(response, amounts[0])[2]
-    np.copyto(result, np.where(shortest > middle, shortest, longest), where=~known)
+    np.copyto(result, shortest, where=~known)
     seen = np.ones(clipped.shape, bool)
     if isinstance(circle, Circle):
         left, top, side = circle.box()
@@ -192,9 +196,9 @@ def merge(
 
 
 def response_bounds(response: Response, amount: float) -> NDArray[np.float32]:
-    """Radiance at which an exposure is black, clipped, and half its reading; shape (3, 3): bound, channel."""
+    """Radiance at which an exposure is black and at which it is clipped; shape (2, 3): bound, channel."""
     levels = np.linspace(0.0, 1.0, response.curves.shape[1])
-    exposures = [[np.interp(reading, levels, curve) for curve in response.curves] for reading in (BLACK, WHITE, 0.5)]
+    exposures = [[np.interp(reading, levels, curve) for curve in response.curves] for reading in (BLACK, WHITE)]
     return (np.array(exposures) / amount).astype(np.float32)
 
 

@@ -35,8 +35,8 @@ class Photometry:
     """Corrections that make photographs agree.
 
     Attributes:
-        vignetting: ``(b, c, d)`` of the light's share ``exp(b r^2 + c r^4 + d r^6)`` that reaches radius ``r``, measured
-            in half diagonals of the photograph.
+        vignetting: ``(b, c, d)`` of the light's share ``exp(b r^2 + c r^4 + d r^6)`` that reaches radius ``r``,
+            measured in half diagonals of the photograph.
         gains: factors on the radiance of each photograph and colour channel, shape (photographs, 3).
         disagreement_before: median relative difference of overlapping photographs as they came.
         disagreement: the same after correction.
@@ -100,7 +100,8 @@ def estimate_photometry(photographs: Sequence[Photograph], with_gains: bool = Tr
     # Gains of a tenth of a stop or so are worth a little evidence; the falloff's terms are free.
     prior = np.diag(np.concatenate([np.full(3, 1e-3), np.full(unknowns - 3, 1.0)]))
     prior *= 1e-3 * max(weights.sum(), 1.0) / max(len(photographs), 1)
-    solution, robust = np.zeros(unknowns), np.ones_like(weights)
+    solution: NDArray[np.floating] = np.zeros(unknowns)
+    robust: NDArray[np.floating] = np.ones_like(weights)
     for _ in range(12):
         weighted = matrix * (weights * robust)[:, None]
         solution = np.linalg.solve(weighted.T @ matrix + prior, weighted.T @ target)

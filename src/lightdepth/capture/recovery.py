@@ -23,6 +23,9 @@ FloatArray = NDArray[np.float64]
 PATCH = 4
 """Side in pixels of the patches whose mean reading is a sample."""
 
+MOST_PATCHES = 60_000
+"""In larger photographs only every second, third, ... patch is looked at."""
+
 BLACK, WHITE = 0.01, 0.985
 """Readings beyond these say only that it was darker, or brighter."""
 
@@ -41,8 +44,10 @@ def sample_patches(photograph: Codes) -> tuple[NDArray[np.float32], NDArray[np.f
         a patch that holds a clipped pixel would be wrong: it is 1, or 0 where a pixel is black.
     """
     rows, columns = (side // PATCH for side in photograph.shape[:2])
-    readings = photograph[: rows * PATCH, : columns * PATCH].astype(np.float32) / np.iinfo(photograph.dtype).max
-    patches = readings.reshape(rows, PATCH, columns, PATCH, 3)
+    codes = photograph[: rows * PATCH, : columns * PATCH].reshape(rows, PATCH, columns, PATCH, 3)
+    step = max(1, int(np.sqrt(rows * columns / MOST_PATCHES)))
+    white = np.float32(np.iinfo(photograph.dtype).max)
+    patches = codes[::step, :, ::step].astype(np.float32) / white
     means, spreads = patches.mean(axis=(1, 3)), patches.std(axis=(1, 3))
     means[patches.max(axis=(1, 3)) > WHITE] = 1.0
     means[patches.min(axis=(1, 3)) < BLACK] = 0.0

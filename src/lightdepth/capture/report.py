@@ -49,7 +49,7 @@ def stitch_report(shoot: Shoot, stitched: Stitched) -> dict[str, Any]:
     lens = stitched.lenses[0]
     seen = shoot.orientations[0].seen
     rows, columns = np.nonzero(seen)
-    edge = half_diagonals(lens, columns + 0.5, rows + 0.5).max()
+    edge = half_diagonals(lens, columns.astype(float) + 0.5, rows.astype(float) + 0.5)
     images = []
     for index, orientation in enumerate(shoot.orientations):
         own = np.array([index in point.images for point in stitched.control_points], dtype=bool)
@@ -87,7 +87,7 @@ def stitch_report(shoot: Shoot, stitched: Stitched) -> dict[str, Any]:
         "exposure": {
             "disagreement_before": stitched.photometry.disagreement_before,
             "disagreement": stitched.photometry.disagreement,
-            "light_at_edge": float(stitched.photometry.falloff(edge)),
+            "light_at_edge": float(stitched.photometry.falloff(edge.max(keepdims=True))[0]),
         },
         "lens": {
             "projection": lens.projection,
@@ -120,7 +120,7 @@ def control_point_errors(lenses: list[Lens], points: list[ControlPoint]) -> NDAr
     for point in points:
         first = lenses[point.images[0]].unproject(*point.first)
         second = lenses[point.images[1]].unproject(*point.second)
-        angles.append(np.degrees(2.0 * np.arcsin(min(np.linalg.norm(first - second) / 2.0, 1.0))))
+        angles.append(np.degrees(2.0 * np.arcsin(np.minimum(np.linalg.norm(first - second) / 2.0, 1.0))))
     return np.array(angles, dtype=np.float64)
 
 

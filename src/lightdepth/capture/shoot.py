@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from lightdepth.capture.brackets import Bracket, brackets_in_folder, group_by_ex
 from lightdepth.capture.exposure import Exposure, read_exposures
 from lightdepth.capture.fisheye import Circle, find_circle
 from lightdepth.capture.merging import Merged, Progress, merge, shared_response
-from lightdepth.capture.photograph import PHOTOGRAPHS, read_photograph
+from lightdepth.capture.photograph import PHOTOGRAPHS, Codes, read_photograph
 from lightdepth.capture.response import Response
 from lightdepth.capture.stitching import Orientation
 from lightdepth.errors import InputError
@@ -130,8 +130,7 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
     if circle == "auto":
         # One lens, one circle: the median of three brackets' is steadier than each one's own.
         chosen = [brackets[index] for index in sorted({0, len(brackets) // 2, len(brackets) - 1})]
-        brightest = [max(bracket, key=lambda pair: pair[1].amount)[0] for bracket in chosen]
-        circles = [find_circle(read_photograph(path)) for path in brightest]
+        circles = [find_circle(_from_bright_to_dark(bracket)) for bracket in chosen]
         circle = Circle(*np.median([(each.x, each.y, each.radius) for each in circles], axis=0).tolist())
     orientations = []
     for index, bracket in enumerate(brackets):
@@ -143,6 +142,11 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
         orientations.append(_orientation(bracket, merged, options.circle is None))
     names = [[path.name for path, _ in bracket] for bracket in brackets]
     return Shoot(orientations, response, source, names, brackets[0][0][1], warnings)
+
+
+def _from_bright_to_dark(bracket: Bracket) -> Iterator[Codes]:
+    for path, _ in sorted(bracket, key=lambda pair: -pair[1].amount):
+        yield read_photograph(path)
 
 
 def _orientation(bracket: Bracket, merged: Merged, with_roll: bool) -> Orientation:
@@ -160,13 +164,15 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
             seen = seen if alpha is None else alpha > 0.5
         circle = options.circle
         if circle == "auto" and seen.all():
-            circle = find_circle(_as_photograph(radiance))
+            circle = find_circle([_as_photograph(radiance)])
         if isinstance(circle, Circle):
             left, top, side = circle.box()
             local = Circle(circle.x - left, circle.y - top, circle.radius)
             seen = circle.crop(seen) & local.inside(side, side)
             radiance = circle.crop(radiance)
-        orientations.append(Orientation(path.name, radiance * seen[..., None], seen, (radiance > 0.0).any(axis=2)))
+        orientations.append(
+            Orientation(path.name, radiance * seen[..., None], seen, np.asarray((radiance > 0.0).any(axis=2)))
+        )
         progress("reading", index + 1, len(paths))
     return Shoot(orientations, None, "HDR images", [[path.name] for path in paths])
 

@@ -24,7 +24,7 @@ MATCHING_SIDE = 2000
 """Control points are looked for in images of this size at most, in pixels."""
 
 DISTRUST = 0.01
-"""Weight of pixels that are clipped or black in every exposure, against the others: they count where nothing else does."""
+"""Weight of pixels that are clipped or black in every exposure: they count where nothing else does."""
 
 STEPS = 8
 """How often ``progress`` is called."""

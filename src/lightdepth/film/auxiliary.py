@@ -60,10 +60,10 @@ def render_auxiliary(
 
 def _object_ids(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside: mi.Bool) -> mi.UInt32:
     """0 for real surfaces and sky, 1 + index of the object for synthetic ones."""
-    result = mi.UInt32(0) & inside
+    result = dr.zeros(mi.UInt32, dr.width(found.t))
     for index, shape in prepared.shapes:
         result = dr.select(inside & found.is_valid() & (found.shape == mi.ShapePtr(shape)), index + 1, result)
-    return result + dr.zeros(mi.UInt32, dr.width(inside)) if dr.width(result) == 1 else result
+    return result
 
 
 def _surface(prepared: Prepared, ray: mi.Ray3f, inside: mi.Bool) -> tuple[mi.Vector3f, mi.Color3f]:

@@ -26,7 +26,7 @@ def draw_median_cut(radiance: NDArray[np.float32], lights: PointLights) -> NDArr
     rows, columns = radiance.shape[:2]
     width = int(np.clip(columns, 1024, 2048))
     height = width // 2
-    method = cv2.INTER_AREA if columns > width else cv2.INTER_CUBIC
+    method = cv2.INTER_AREA if columns > width else cv2.INTER_LINEAR
     resized = np.maximum(cv2.resize(radiance, (width, height), interpolation=method), 0.0)
     picture = tone_map(resized, auto_exposure(resized) - 1.0)
     for top, bottom, left, right in lights.rectangle:

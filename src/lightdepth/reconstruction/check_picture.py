@@ -22,11 +22,11 @@ ENVIRONMENT = np.array([255.0, 170.0, 50.0])
 SHELL = np.array([230.0, 70.0, 220.0])
 NOTHING = np.array([70.0, 130.0, 255.0])
 SHARPEST_BEND = 30.0
-"""Degrees between the normals of neighbouring pixels from which an edge is drawn."""
-SHORTEST_EDGE = 0.03
+"""Degrees between normals a few pixels apart from which an edge is drawn."""
+SHORTEST_EDGE = 0.05
 """Of the picture's height; shorter ones are not drawn."""
 JUMP = 0.04
-"""Share by which the next pixel's reciprocal distance differs from the plane's, from which an edge is drawn."""
+"""Share by which the reciprocal distance a few pixels on differs from the plane's, from which an edge is drawn."""
 
 
 def draw_check_picture(radiance: NDArray[np.float32] | None, surfaces: Sequence[RealSurface], pose: Pose) -> Picture:
@@ -54,7 +54,7 @@ def draw_check_picture(radiance: NDArray[np.float32] | None, surfaces: Sequence[
         )
         base = _halved(np.repeat(60.0 + 150.0 * shade.reshape(surface.shape)[:, :, None], 3, axis=2))
     else:
-        method = cv2.INTER_AREA if radiance.shape[1] > width else cv2.INTER_CUBIC
+        method = cv2.INTER_AREA if radiance.shape[1] > width else cv2.INTER_LINEAR
         resized = np.maximum(cv2.resize(radiance, (width, height), interpolation=method), 0.0)
         base = tone_map(resized, auto_exposure(resized) - 0.5).astype(np.float64)
 
@@ -63,8 +63,6 @@ def draw_check_picture(radiance: NDArray[np.float32] | None, surfaces: Sequence[
     tint = _halved((tints[surface])[:, :, None])
     picture = base * (1.0 - tint) + tint * _halved(colours[surface])
     cover = _halved(edge.astype(np.float64)[:, :, None])
-    thick = cv2.dilate(edge.astype(np.uint8), np.ones((2 * height // 512 + 1,) * 2))[:, :, None].astype(np.float64)
-    cover = np.maximum(cover, 0.9 * _halved(thick))
     # Around support the line is green on either side.
     support = np.array([s.role is Role.SUPPORT for s in surfaces] + [False])[surface].astype(np.uint8)
     green = _halved(cv2.dilate(support, np.ones((5, 5)))[:, :, None].astype(np.float64)) > 0.0
@@ -86,8 +84,12 @@ def _tint(surface: RealSurface) -> float:
 
 
 def _edges(hits: Hits, pose: Pose, surface: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Pixels where another surface begins, the same one bends, or its distance jumps."""
+    """Pixels where another surface begins, the same one bends, or its distance jumps, within a few pixels.
+
+    These few make lines that can be seen, and find corners that a reconstruction has rounded.
+    """
     height, width = surface.shape
+    few = 2 + height // 512
     directions = pose.to_world(pixel_directions(height, width))
     normal = hits.normal.reshape(height, width, 3).astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -96,15 +98,15 @@ def _edges(hits: Hits, pose: Pose, surface: NDArray[np.int32]) -> NDArray[np.boo
         slope = normal * (reciprocal / np.einsum("ijk,ijk->ij", normal, directions))[:, :, None]
         edge = np.zeros(surface.shape, dtype=bool)
         for axis in (0, 1):
-            following = np.roll(surface, -1, axis)
-            bend = np.einsum("ijk,ijk->ij", normal, np.roll(normal, -1, axis)) < np.cos(np.radians(SHARPEST_BEND))
-            foretold = np.einsum("ijk,ijk->ij", slope, np.roll(directions, -1, axis))
-            there = np.roll(reciprocal, -1, axis)
+            following = np.roll(surface, -few, axis)
+            bend = np.einsum("ijk,ijk->ij", normal, np.roll(normal, -few, axis)) < np.cos(np.radians(SHARPEST_BEND))
+            foretold = np.einsum("ijk,ijk->ij", slope, np.roll(directions, -few, axis))
+            there = np.roll(reciprocal, -few, axis)
             jump = np.abs(there - foretold) > JUMP * np.maximum(there, reciprocal)
             found = (surface != following) | ((surface >= 0) & (bend | jump))
             if axis == 0:
-                found[-1] = False
-            edge |= found
+                found[-few:] = False
+            edge |= np.roll(found, few // 2, axis)  # On the edge, not before it.
     # Roughness makes specks, edges make lines.
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(edge.astype(np.uint8), connectivity=8)
     length = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])

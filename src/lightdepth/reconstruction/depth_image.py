@@ -159,10 +159,9 @@ def denoised(image: DepthImage) -> DepthImage:
     scale = np.concatenate([[0.0], np.cumsum(np.diff(levels) * 0.5 * (1.0 / noise[1:] + 1.0 / noise[:-1]))])
     levels = np.concatenate([[levels[0] - 1e3 * noise[0]], levels, [levels[-1] + 1e3 * noise[-1]]])
     scale = np.concatenate([[scale[0] - 1e3], scale, [scale[-1] + 1e3]])
-    smooth = _bilateral(np.interp(reciprocal, levels, scale))
-    depth = 1.0 / np.interp(smooth, scale, levels)
+    smooth = np.interp(_bilateral(np.interp(reciprocal, levels, scale)), scale, levels)
     kept = ~seen | (reciprocal < levels[0]) | (reciprocal > levels[-1])
-    return DepthImage(np.where(kept | image.missing, image.depth, depth))
+    return DepthImage(np.where(kept | image.missing, image.depth, 1.0 / smooth))
 
 
 def _bilateral(image: FloatArray) -> FloatArray:

@@ -23,6 +23,9 @@ LOWER_STEP = 0.1
 LOWER_SHARE = 0.25
 """It is believed where at least this share of the higher plane's points lie on it."""
 
+CONTRAST = 1.6
+"""A plane holds at least this many times as many points as the two layers of the same thickness beside it."""
+
 
 @dataclass(frozen=True)
 class Plane:
@@ -71,10 +74,14 @@ def find_floor(
     while len(below) >= 3:
         found = _ransac(below, tolerance, np.cos(np.radians(largest_tilt)), random)
         needed = 0.01 * len(points) if floor is None else LOWER_SHARE * floor.share * len(points)
-        if found is None or np.count_nonzero(np.abs(found.heights(below)) < tolerance) < max(needed, 3):
+        if found is None:
             break
-        share = np.count_nonzero(np.abs(found.heights(points)) < tolerance) / len(points)
-        floor = Plane(found.normal, found.offset, share)
+        heights = np.abs(found.heights(points))
+        on_plane, beside = np.count_nonzero(heights < tolerance), np.count_nonzero(heights < 2.0 * tolerance)
+        # A level slice through walls holds no more points than the slices beside it.
+        if on_plane < max(needed, 30) or on_plane < CONTRAST * (beside - on_plane):
+            break
+        floor = Plane(found.normal, found.offset, on_plane / len(points))
         below = below[floor.heights(below) < -LOWER_STEP]
     if floor is None:
         raise InputError(

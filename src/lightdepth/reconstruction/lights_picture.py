@@ -26,7 +26,7 @@ def draw_sources(radiance: NDArray[np.float32], sources: Sequence[Source]) -> ND
     """
     width = int(np.clip(radiance.shape[1], 1024, 2048))
     height = width // 2
-    method = cv2.INTER_AREA if radiance.shape[1] > width else cv2.INTER_CUBIC
+    method = cv2.INTER_AREA if radiance.shape[1] > width else cv2.INTER_LINEAR
     resized = np.maximum(cv2.resize(radiance, (width, height), interpolation=method), 0.0)
     picture = tone_map(resized, auto_exposure(resized) - 1.5)  # Dark, so that lamps differ from white walls.
     for number, source in enumerate(sources, start=1):

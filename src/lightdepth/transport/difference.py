@@ -29,7 +29,7 @@ MORE_LIGHTS = 3
 ROULETTE_DEPTH = 3
 """Scatterings before paths are ended by the light that they still carry."""
 LARGEST_SURVIVAL = 0.95
-WANDERING_GAIN, SMALLEST_SURVIVAL = 2.0, 0.05
+WANDERING_GAIN, SMALLEST_SURVIVAL = 6.0, 0.2
 """A path on support surfaces goes on with this many times the share of the hemisphere that objects fill."""
 
 

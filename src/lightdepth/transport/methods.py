@@ -81,9 +81,9 @@ METHODS: dict[str, Callable[[Scene], Prepared]] = {
 
 def _real_surfaces(scene: Scene) -> Sequence[RealSurface]:
     """The modelled surfaces; where there are none, one made from the panorama's depth, all of it support."""
-    if scene.real or scene.panorama.depth is None:
-        return scene.real
     panorama = scene.panorama
+    if scene.real or panorama.depth is None:
+        return scene.real
     mesh = mesh_from_depth(panorama.depth, panorama.position, panorama.rotation)
     return (RealSurface("depth", mesh, Role.SUPPORT),)
 

@@ -1,0 +1,85 @@
+"""Real Blender for the tests: interpreters that have the package ``bpy``, each with the extension installed."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPTS = Path(__file__).parent / "scripts"
+ANSWER = "ANSWER "
+
+
+def _interpreters() -> list[Path]:
+    """Those of the environment variable LIGHTDEPTH_BPY, else of the folders that `make blender-setup` makes."""
+    named = os.environ.get("LIGHTDEPTH_BPY")
+    if named:
+        return [Path(path) for path in named.split(os.pathsep)]
+    return [path for path in sorted(ROOT.glob(".venv-bpy*/bin/python")) if path.is_file()]
+
+
+class Blender:
+    """One version of Blender, with the extension installed from its zip."""
+
+    def __init__(self, python: Path, resources: Path, archive: Path, renderer: Path):
+        self.python, self.archive = python, archive
+        self.environment = {
+            **os.environ,
+            "BLENDER_USER_RESOURCES": str(resources),
+            "LIGHTDEPTH_RENDERER": str(renderer),
+            "PYTHONPATH": str(SCRIPTS),
+        }
+        self.environment.pop("PYTHONWARNINGS", None)
+
+    def command(self, script: str, *arguments: object) -> list[str]:
+        return [str(self.python), str(SCRIPTS / f"{script}.py"), *map(str, arguments)]
+
+    def run(self, script: str, *arguments: object) -> dict:
+        """Run a script in this Blender; returns what it answered."""
+        done = subprocess.run(
+            self.command(script, *arguments),
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=600,
+            check=False,
+        )
+        answers = [line for line in done.stdout.splitlines() if line.startswith(ANSWER)]
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert answers, done.stdout + done.stderr
+        return json.loads(answers[-1].removeprefix(ANSWER))
+
+
+@pytest.fixture(scope="session")
+def archive(tmp_path_factory) -> Path:
+    """The extension's zip, freshly built."""
+    folder = tmp_path_factory.mktemp("extension")
+    done = subprocess.run(
+        [sys.executable, ROOT / "blender/build.py", "--output", folder], capture_output=True, text=True, check=True
+    )
+    return Path(done.stdout.strip())
+
+
+@pytest.fixture(scope="session")
+def renderer(tmp_path_factory) -> Path:
+    """The command ``lightdepth`` of the Python that runs the tests."""
+    path = tmp_path_factory.mktemp("bin") / "lightdepth"
+    path.write_text(
+        f"#!/bin/sh\nPYTHONPATH='{ROOT / 'src'}' exec '{sys.executable}' "
+        "-c 'from lightdepth.cli.app import main; main()' \"$@\"\n"
+    )
+    path.chmod(0o755)
+    return path
+
+
+@pytest.fixture(scope="session", params=_interpreters() or [None], ids=lambda path: path.parts[-3] if path else "none")
+def blender(request, tmp_path_factory, archive, renderer) -> Blender:
+    """Each Blender in turn."""
+    if request.param is None:
+        pytest.skip("no Python with the package bpy: run `make blender-setup`, or name interpreters in LIGHTDEPTH_BPY")
+    found = Blender(request.param, tmp_path_factory.mktemp("resources"), archive, renderer)
+    found.run("install", archive)
+    return found

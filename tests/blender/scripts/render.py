@@ -1,0 +1,54 @@
+"""Render two frames with Ctrl-F12, export the first; then renderers that are missing, crash or talk nonsense."""
+
+import os
+import stat
+import sys
+from pathlib import Path
+
+import bpy
+from session import MODULE, add_camera, answer, as_exr, begin, refused, room
+
+folder = Path(sys.argv[1])
+scene = begin()
+room(folder)
+bpy.ops.mesh.primitive_uv_sphere_add(radius=0.4, location=(0.0, 1.6, 0.4))
+ball = bpy.context.object
+ball.keyframe_insert("location", frame=1)
+ball.location.x = 0.5
+ball.keyframe_insert("location", frame=2)
+add_camera(scene, (48, 32))
+scene.render.engine = "LIGHTDEPTH"
+scene.lightdepth.samples, scene.lightdepth.max_bounces = 2, 3
+scene.frame_start, scene.frame_end = 1, 2
+as_exr(scene, folder / "frame", multilayer=True)
+bpy.ops.render.render(animation=True)
+scene.frame_set(1)
+bpy.ops.lightdepth.export_scene(filepath=str(folder / "scene.toml"))
+found = {"frames": sorted(path.name for path in folder.glob("frame*.exr"))}
+bpy.ops.lightdepth.check()
+found["coverage"] = scene.lightdepth.coverage
+
+preferences = bpy.context.preferences.addons[MODULE].preferences
+PROGRAMS = {
+    "crashing": "echo 'error: the lamp is broken' >&2; exit 2",
+    "killed": "kill -KILL $$",
+    "traceback": "printf 'Traceback (most recent call last):\\n  File x\\nValueError: odd number\\n' >&2; exit 1",
+    "garbage": "echo 'Hello, I am a web browser'; sleep 60",
+    "silent": "exit 0",
+}
+for name, text in PROGRAMS.items():
+    program = folder / name
+    program.write_text(f"#!/bin/sh\n{text}\n")
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    preferences.command = str(program)
+    found[name] = refused(bpy.ops.render.render)
+preferences.command = str(folder / "not there")
+found["missing"] = refused(bpy.ops.render.render)
+found["missing for the test"] = refused(bpy.ops.lightdepth.test_renderer)
+preferences.command = str(folder / "garbage.txt")
+(folder / "garbage.txt").write_text("no program")
+found["no program"] = refused(bpy.ops.render.render)
+preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
+scene.render.use_border = True
+found["region"] = refused(bpy.ops.render.render)
+answer(**found)

@@ -1,0 +1,86 @@
+"""What is exported is what the renderer loads."""
+
+import math
+import tomllib
+
+import numpy as np
+import pytest
+
+from lightdepth.scene.load import load_scene
+
+NAME = 'Würfel "A"'
+
+
+@pytest.fixture(scope="module")
+def exported(blender, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("export")
+    return folder, blender.run("export", folder)
+
+
+def test_the_renderer_loads_the_scene(exported):
+    folder, found = exported
+    scene = load_scene(folder / "scene.toml")
+    roles = {surface.name: str(surface.role) for surface in scene.real}
+    assert roles == {"Walls": "environment", "Floor": "support"}
+    floor, walls = (next(surface for surface in scene.real if surface.name == name) for name in ("Floor", "Walls"))
+    assert floor.gloss.roughness == pytest.approx(0.2)
+    assert walls.mesh.rest[:, 2].max() == pytest.approx(2.5)
+    assert walls.mesh.vertices[:, 2].max() == pytest.approx(2.75)
+    assert scene.render.samples == 3
+    assert math.degrees(math.atan2(scene.panorama.rotation[1, 0], scene.panorama.rotation[0, 0])) == pytest.approx(
+        math.degrees(0.5), abs=1e-4
+    )
+    camera = scene.cameras["Camera"].camera
+    assert (camera.width, camera.height) == (64, 48)
+    assert camera.aperture == pytest.approx(0.01)
+    assert camera.focus_distance == pytest.approx(2.0)
+    names = {thing.name for thing in scene.synthetic}
+    copies = {"Ball copy 0", "Ball copy 1", "Ball copy 2"}
+    assert {NAME, "Twin", "Tile", "Neon", "Plank", "Sheared", "Slanted", "Words", "Piece", "Panel"} | copies <= names
+    assert not names & {"Hidden", "Holder", "Words 1", "Floor grid"}
+
+
+def test_objects_stand_where_they_stand_in_blender(exported):
+    folder, found = exported
+    things = {thing.name: thing for thing in load_scene(folder / "scene.toml").synthetic}
+    for name, (low, high) in found["bounds"].items():
+        vertices = np.concatenate([part.geometry.vertices for part in things[name].parts])
+        assert vertices.min(axis=0) == pytest.approx(low, abs=1e-5), name
+        assert vertices.max(axis=0) == pytest.approx(high, abs=1e-5), name
+
+
+def test_modifiers_are_applied_as_for_rendering_and_instances_kept(exported):
+    folder, _ = exported
+    tables = {table["name"]: table for table in tomllib.loads((folder / "scene.toml").read_text())["synthetic"]}
+    balls = {tables[name]["mesh"] for name in ("Sphere", "Ball copy 0", "Ball copy 1", "Ball copy 2", "Piece")}
+    assert len(balls) == 1
+    assert tables["Piece"]["scale"] == pytest.approx([0.5] * 3)
+    things = {thing.name: thing for thing in load_scene(folder / "scene.toml").synthetic}
+    assert sum(len(part.geometry.faces) for part in things[NAME].parts) == 6 * 4**2 * 2
+
+
+def test_materials_arrive_and_what_cannot_is_named(exported):
+    folder, found = exported
+    things = {thing.name: thing for thing in load_scene(folder / "scene.toml").synthetic}
+    plastic = things[NAME].parts[0].material
+    assert plastic.base_color == pytest.approx((0.8, 0.1, 0.05), abs=1e-3)
+    assert plastic.roughness == pytest.approx(0.25)
+    glass = things["Sphere"].parts[0].material
+    assert glass.transmission == pytest.approx(1.0)
+    assert glass.ior == pytest.approx(1.4)
+    glow = things["Neon"].parts[0].material
+    assert np.array(glow.emission) * glow.emission_strength == pytest.approx([3.0, 1.5, 0.75], rel=1e-3)
+    assert np.asarray(things["Tile"].parts[0].material.base_color.pixels)[..., :3].reshape(-1, 3)[0] == pytest.approx(
+        [0.0, 1.0, 0.0], abs=1e-2
+    )
+    notes = found["notes"]
+    assert any("'Wood'" in note and "Noise Texture" in note for note in notes)
+    assert any("Flat camera" in note for note in notes)
+    assert not any("Plastic" in note or "Textured" in note or "Glass" in note for note in notes)
+
+
+def test_exporting_leaves_the_file_as_it_was(exported):
+    _, found = exported
+    assert found["left as it was"] == [True] * 4
+    assert "There is no panorama" in found["no panorama"]
+    assert "orthographic" in found["orthographic"]

@@ -1,0 +1,101 @@
+import numpy as np
+import pytest
+
+from lightdepth.capture.brackets import brackets_in_folder, group_by_exposure
+from lightdepth.capture.exposure import Exposure, read_exif, read_exposures, shutter_time
+from lightdepth.errors import InputError
+from support.photography import write_photograph
+
+GREY = np.full((8, 8, 3), 128, np.uint8)
+
+
+def test_exif_gives_time_aperture_sensitivity_and_the_moment(tmp_path):
+    write_photograph(tmp_path / "a.jpg", GREY, 0.25, 61.5, aperture=5.6, iso=400)
+    write_photograph(tmp_path / "b.jpg", GREY, 0.25, 63.0, aperture=5.6, iso=400)
+    first, second = read_exposures([tmp_path / "a.jpg", tmp_path / "b.jpg"])
+    assert (first.time, first.aperture, first.iso) == (0.25, 5.6, 400)
+    assert first.amount == pytest.approx(0.25 * 4 / 5.6**2)
+    assert second.taken - first.taken == pytest.approx(1.5)
+
+
+@pytest.mark.parametrize(
+    ("printed", "true"),
+    [(13, 2 ** (11 / 3)), (6, 2 ** (8 / 3)), (1 / 8000, 2**-13), (1 / 60, 1 / 64), (0.0371, 0.0371)],
+)
+def test_shutters_keep_powers_of_two_and_say_round_numbers(printed, true):
+    assert shutter_time(printed) == pytest.approx(true, rel=1e-9)
+
+
+def test_real_bracket_has_equal_steps(shared_data):
+    files = sorted((shared_data / "brackets/fisheye_office").glob("*.JPG"))
+    steps = np.diff(np.log2([exposure.amount for exposure in read_exposures(files)]))
+    assert len(files) == 18
+    np.testing.assert_allclose(steps[:-1], -1, atol=1e-6)
+    assert steps[-1] == pytest.approx(-2 / 3)
+
+
+def test_table_in_place_of_exif(tmp_path):
+    table = tmp_path / "t.csv"
+    table.write_text("file,time,aperture,iso\na.png,1/60,8,200\nb.png,2,8,200\n")
+    first, second = read_exposures([tmp_path / "a.png", tmp_path / "b.png"], table)
+    assert first == Exposure(1 / 60, 8, 200)
+    assert second.amount / first.amount == pytest.approx(120)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("file,time\na.png,0\n", "line 2: time is '0'"),
+        ("file,time\na.png,fast\n", "line 2: time is 'fast'"),
+        ("file,time\nb.png,1\n", "has no row for a.png"),
+        ("name,time\na.png,1\n", "needed are the columns file and time"),
+    ],
+)
+def test_wrong_table_is_explained(tmp_path, text, message):
+    table = tmp_path / "t.csv"
+    table.write_text(text)
+    with pytest.raises(InputError, match="t.csv") as error:
+        read_exposures([tmp_path / "a.png"], table)
+    assert message in str(error.value)
+
+
+def test_photograph_without_exposure_names_the_way_out(tmp_path):
+    from PIL import Image
+
+    Image.fromarray(GREY).save(tmp_path / "plain.jpg")
+    with pytest.raises(InputError, match="plain.jpg.*--exposures"):
+        read_exif(tmp_path / "plain.jpg")
+
+
+def named(times):
+    return [(f"{index}", Exposure(time)) for index, time in enumerate(times)]
+
+
+def test_brackets_begin_where_an_exposure_comes_again():
+    assert [len(group) for group in group_by_exposure(named([1, 4, 16] * 5))] == [3] * 5
+    # One exposure is missing in the middle, and in another bracket at its end.
+    assert [len(group) for group in group_by_exposure(named([1, 4, 16, 64, 1, 16, 64, 1, 4, 16, 1, 4, 16, 64]))] == [
+        4,
+        3,
+        3,
+        4,
+    ]
+
+
+def test_photographs_with_automatic_exposure_are_no_brackets():
+    times = [1 / 250, 1 / 160, 1 / 200, 1 / 250, 1 / 800, 1 / 160, 1 / 1000, 1 / 640, 1 / 80, 1 / 100, 1 / 80]
+    assert [len(group) for group in group_by_exposure(named(times))] == [1] * len(times)
+
+
+def test_folder_is_sorted_by_time_of_taking_not_by_name(tmp_path):
+    for name, when, time in [("z.jpg", 0, 1), ("y.jpg", 1, 4), ("b.jpg", 20, 1), ("a.jpg", 21, 4)]:
+        write_photograph(tmp_path / name, GREY, time, when)
+    groups = brackets_in_folder(tmp_path)
+    assert [[path.name for path, _ in group] for group in groups] == [["z.jpg", "y.jpg"], ["b.jpg", "a.jpg"]]
+    with pytest.raises(InputError, match="no multiple of --bracket 3"):
+        brackets_in_folder(tmp_path, size=3)
+
+
+def test_empty_folder_is_explained(tmp_path):
+    with pytest.raises(InputError, match="holds no photographs"):
+        brackets_in_folder(tmp_path)

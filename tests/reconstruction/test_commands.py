@@ -1,0 +1,111 @@
+"""The commands, as a person calls them."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from virtual_room import CAPTURE, ROOM
+
+from lightdepth.cli.app import main
+
+SOURCE = Path(__file__).parents[2] / "src"
+
+
+@pytest.fixture
+def lightdepth(monkeypatch, capsys):
+    """Call the command in this process: its exit status, what it printed, and its errors."""
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["lightdepth", *map(str, arguments)])
+        monkeypatch.setenv("COLUMNS", "200")
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code, *capsys.readouterr()
+
+    return call
+
+
+def test_layout_then_lights(lightdepth, tmp_path, panorama, pose):
+    low, high = ROOM
+    corners = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
+    u, v = pose.to_panorama(corners)
+    floor = " ".join(f"{x:.3f},{y:.3f}" for x, y in zip(u * 256, v * 128, strict=True))
+    place = ["--position", ",".join(map(str, CAPTURE)), "--rotation", "2,-3,25", "--camera-height", 1.5]
+    status, printed, errors = lightdepth(
+        "reconstruct", "layout", panorama, "--floor", floor, "--ceiling", 2.6, *place, "-o", tmp_path / "meshes",
+        "--write", tmp_path / "scene.toml", "--picture", tmp_path / "check.png", "--json",
+    )  # fmt: skip
+    assert (status, errors) == (0, "")
+    report = json.loads(printed)
+    assert report["coverage"] == {"hit": pytest.approx(1.0), "sky": 0.0, "open": 0.0, "largest_hole": None}
+    assert [surface["area"] for surface in report["surfaces"]] == pytest.approx([21.0, 47.84, 21.0], rel=1e-3)
+    # Edges are drawn where the room's are: along the upright corners.
+    picture = cv2.imread(str(tmp_path / "check.png")).astype(int)
+    x, y = (int(np.round(c * n)) for c, n in zip(pose.to_panorama(np.array([high[0], high[1], 1.8])), (512, 256)))
+    around = picture[y, x - 4 : x + 5]
+    assert (around[:, 2] - around[:, 0]).max() > 100  # Orange.
+
+    status, printed, _ = lightdepth(
+        "reconstruct", "lights", tmp_path / "scene.toml", "--json", "--table", tmp_path / "lights.csv"
+    )
+    assert status == 0
+    strongest = json.loads(printed)["lights"][0]
+    np.testing.assert_allclose(strongest["position"], [0.9, 1.0, 2.6], atol=0.05)
+    assert (tmp_path / "lights.csv").read_text(encoding="utf-8").startswith("position_1,position_2,position_3,")
+
+
+def test_from_depth(lightdepth, tmp_path, panorama, depth):
+    np.save(tmp_path / "depth.npy", depth)
+    status, printed, errors = lightdepth(
+        "reconstruct", "from-depth", tmp_path / "depth.npy", "--panorama", panorama, "--position", "0.1,-0.2,1.5",
+        "--rotation", "2,-3,25", "-o", tmp_path / "meshes",
+    )  # fmt: skip
+    assert status == 0, errors
+    assert sorted(path.name for path in (tmp_path / "meshes").iterdir()) == [
+        "behind.ply", "floor.ply", "place.ply", "shell.ply"
+    ]  # fmt: skip
+    assert "still open: 0 %" in printed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["layout", "PANORAMA", "--floor", "1,2", "--ceiling", "2", "-o", "X", "--camera-height", "1"], "1 corners found"),
+        (["layout", "PANORAMA", "-o", "X", "--camera-height", "1"], "either --floor (a room) or --outdoor"),
+        (["layout", "none.exr", "--outdoor", "-o", "X", "--camera-height", "1"], "none.exr: no such file"),
+        (["from-depth", "none.npy", "-o", "X", "--position", "0,0,1"], "none.npy: no such file"),
+        (["from-points", "none.ply", "-o", "X", "--position", "0,0"], "--position '0,0': write three numbers"),
+        (["lights", "PANORAMA"], "a light-depth map has the channels R, G, B and Z"),
+    ],
+)  # fmt: skip
+def test_bad_input_ends_in_one_message_and_status_2(lightdepth, arguments, message, panorama, tmp_path):
+    named = {"PANORAMA": str(panorama), "X": str(tmp_path / "meshes")}
+    status, _, errors = lightdepth("reconstruct", *(named.get(word, word) for word in arguments))
+    assert status == 2
+    assert errors.startswith("error: ")
+    assert message in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_has_an_example_and_loads_nothing_heavy():
+    code = """
+import sys
+from lightdepth.cli.app import main
+for command in ("layout", "from-depth", "from-points", "lights"):
+    sys.argv = ["lightdepth", "reconstruct", command, "--help"]
+    try:
+        main()
+    except SystemExit:
+        pass
+print("loaded:", {"mitsuba", "drjit", "cv2", "trimesh", "scipy"} & set(sys.modules))
+"""
+    environment = {**os.environ, "PYTHONPATH": str(SOURCE), "COLUMNS": "200"}
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, env=environment, check=True)
+    for command in ("layout", "from-depth", "from-points", "lights"):
+        assert f"Example: lightdepth reconstruct {command}" in shown.stdout
+    assert "loaded: set()" in shown.stdout

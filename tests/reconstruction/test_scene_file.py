@@ -1,0 +1,96 @@
+"""The scene file's [[real]] tables, with the rest as the person wrote it."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from lightdepth.errors import InputError
+from lightdepth.reconstruction.place import parse_three, read_place
+from lightdepth.reconstruction.result import closed, save
+from lightdepth.scene.load import load_scene
+from lightdepth.scene.model import Mesh, RealSurface, Role
+
+SCENE = """\
+# My lounge.
+[panorama]
+image = "room.exr"   # shot in May
+position = [0.1, -0.2, 1.5]
+
+[[real]]
+name = "floor"       # the old one
+mesh = "old.ply"
+role = "environment"
+position = [0.0, 0.0, 1.0]
+
+[render]
+samples = 16  # quick
+"""
+
+
+def square(name, height, role):
+    vertices = np.array([[-3, -3, height], [3, -3, height], [3, 3, height], [-3, 3, height]], np.float32)
+    return RealSurface(name, Mesh(vertices, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), role)
+
+
+SURFACES = [square("floor", 0.0, Role.SUPPORT), square("ceiling", 2.5, Role.ENVIRONMENT)]
+
+
+@pytest.fixture
+def scene(tmp_path, panorama):
+    (tmp_path / "room.exr").write_bytes(panorama.read_bytes())
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE, encoding="utf-8")
+    return path
+
+
+def test_tables_are_put_in_and_the_rest_is_kept(scene):
+    place = read_place(scene)
+    save(closed(SURFACES, place, False), place, scene.parent / "meshes", scene, None)
+    text = scene.read_text(encoding="utf-8")
+    for kept in ("# My lounge.\n", "# shot in May\n", "# the old one\n", "samples = 16  # quick\n"):
+        assert kept in text
+    loaded = load_scene(scene)
+    assert [(s.name, s.role) for s in loaded.real] == [
+        ("floor", Role.SUPPORT), ("ceiling", Role.ENVIRONMENT), ("shell", Role.ENVIRONMENT)
+    ]  # fmt: skip
+    np.testing.assert_allclose(loaded.real[0].mesh.vertices[:, 2], 0.0)  # Its old placement is gone.
+    assert trimesh.load(scene.parent / "meshes/ceiling.ply").area == pytest.approx(36.0)
+
+
+def test_a_second_run_changes_nothing(scene):
+    place = read_place(scene)
+    result = closed(SURFACES, place, False)
+    save(result, place, scene.parent / "meshes", scene, None)
+    first = scene.read_bytes()
+    save(result, place, scene.parent / "meshes", scene, None)
+    assert scene.read_bytes() == first
+
+
+def test_a_scene_file_is_begun(tmp_path, panorama):
+    place = read_place(panorama, (0.1, -0.2, 1.5), (2.0, -3.0, 25.0))
+    save(closed(SURFACES, place, False), place, tmp_path / "meshes", tmp_path / "new.toml", tmp_path / "check.png")
+    loaded = load_scene(tmp_path / "new.toml")
+    np.testing.assert_allclose(loaded.panorama.position, place.pose.position)
+    np.testing.assert_allclose(loaded.panorama.rotation, place.pose.rotation)
+    assert (tmp_path / "check.png").stat().st_size > 1000
+
+
+def test_nothing_is_written_where_the_scene_file_is_wrong(scene):
+    place = read_place(scene)
+    scene.write_text("real = 3\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"'real' must be an array of tables"):
+        save(closed(SURFACES, place, False), place, scene.parent / "meshes", scene, scene.parent / "check.png")
+    assert not (scene.parent / "meshes").exists()
+    assert not (scene.parent / "check.png").exists()
+
+
+def test_wrong_places_are_explained(scene, tmp_path):
+    with pytest.raises(InputError, match="give a scene file, or --position"):
+        read_place(None)
+    with pytest.raises(InputError, match="write three numbers"):
+        parse_three("1,2", "--position")
+    scene.write_text('[panorama]\nimage = "none.exr"\n', encoding="utf-8")
+    with pytest.raises(InputError, match=r"scene.toml:2: \[panorama\].*none.exr"):
+        read_place(scene)
+    with pytest.raises(InputError, match="no such file"):
+        read_place(tmp_path / "missing.toml")
