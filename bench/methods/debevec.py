@@ -96,6 +96,7 @@ def _baked(shot: Shot, part: Part) -> NDArray[np.float64]:
     uv = mi.Point2f(u.ravel().astype(np.float32), v.ravel().astype(np.float32))
     found = shape.eval_parameterization(uv)
     points = np.array(found.p).T
-    radiance = lookup(shot.panorama, points - shot.capture, euler_rotation(shot.place.rotation))
-    radiance[~np.array(found.is_valid())] = 0.0
+    valid = np.array(found.is_valid())
+    radiance = np.zeros((len(points), 3))
+    radiance[valid] = lookup(shot.panorama, points[valid] - shot.capture, euler_rotation(shot.place.rotation))
     return radiance.reshape(TEXELS, TEXELS * tiles, 3)
