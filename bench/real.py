@@ -17,6 +17,7 @@ from bench.places.objects import object_set
 from lightdepth.cameras import Equirectangular
 from lightdepth.directions import euler_rotation
 from lightdepth.images.radiance import read_radiance
+from lightdepth.kernel.start import start
 from lightdepth.scene.model import CameraView, Mesh, Panorama, RealSurface, RenderSettings, Role, Scene
 
 DATA = Path(os.environ.get("LIGHTDEPTH_SHARED_DATA", Path(__file__).parents[1] / "../shared/data")) / "hdr"
@@ -48,6 +49,7 @@ def real_panoramas() -> dict[str, tuple[Path, float, tuple[RealSurface, ...]]]:
 
 def real(quick: bool, console: Console) -> dict[str, Any] | None:
     """Noise and time of the product's methods, as a table of text; ``None`` where the panoramas are not there."""
+    start()
     from lightdepth.transport.methods import METHODS as OWN
 
     rows = []
