@@ -52,4 +52,3 @@ def write_large_place(folder: Path, width: int) -> Path:
     box.export(folder / "room.ply")
     (folder / "scene.toml").write_text(SCENE)
     return folder / "scene.toml"
-
