@@ -162,6 +162,25 @@ def test_a_disk_that_fills_up_leaves_nothing_half_written(first, scene, tmp_path
     assert list(tmp_path.iterdir()) == []
 
 
+def test_denoising_leaves_the_photograph_alone(command, tmp_path):
+    pytest.importorskip("mitsuba_oidn", reason="Open Image Denoise is not installed")
+    scene = make_room(tmp_path)
+    edit(scene, "width = 16\nheight = 9", "width = 64\nheight = 36\nposition = [0, 0, 1.3]\nlook_at = [0.5, 1, 0.3]")
+    frames = []
+    for name, more in (("noisy", []), ("clean", ["--denoise"])):
+        status, *_ = command("render", scene, "-o", tmp_path / f"{name}.exr", "--samples", "4", *more)
+        assert status == 0
+        frames.append(read_frame(tmp_path / f"{name}.exr"))
+    noisy, clean = frames
+    assert "denoised" not in noisy.metadata
+    assert clean.metadata["denoised"] == "change, synthetic"
+    assert clean.plate.tobytes() == noisy.plate.tobytes()
+    untouched = (noisy.coverage == 0) & (noisy.change == 0).all(axis=2)
+    assert untouched.any()
+    assert clean.beauty[untouched].tobytes() == noisy.plate[untouched].tobytes()
+    assert np.abs(np.diff(clean.synthetic, axis=1)).sum() < np.abs(np.diff(noisy.synthetic, axis=1)).sum()
+
+
 @pytest.mark.parametrize("spoil", MEANINGLESS, ids=lambda spoil: spoil.__name__)
 def test_what_would_make_the_picture_meaningless_stops_it(command, tmp_path, spoil):
     scene = make_room(tmp_path)

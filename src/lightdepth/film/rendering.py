@@ -197,10 +197,8 @@ class Rendering:
         """Errors averaged over neighbours: a single pixel's estimate from few samples misleads."""
         import cv2
 
-        image = np.zeros(self._height * self._width, np.float32)
-        image[self.pixels] = error
-        smoothed = np.asarray(cv2.blur(image.reshape(self._height, self._width), (9, 9)), np.float32)
-        return smoothed.reshape(-1)[self.pixels]
+        smoothed = np.asarray(cv2.blur(self._scattered(error), (9, 9)), np.float32).reshape(-1)
+        return smoothed if smoothed.size == error.size else smoothed[self.pixels]
 
     def _scattered(self, values: NDArray) -> NDArray:
         """Values of the sampled pixels in their places of the image, 0 elsewhere; themselves, where that is all."""
