@@ -230,6 +230,7 @@ class Rendering:
         samples = self._prepared.integrator.sample(randoms, ray, inside)
         dr.eval(samples)
         self._accumulator.add(slots, samples, per_pixel)
+        dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
 
 
 def _passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.uint32], int]]:
