@@ -52,7 +52,8 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
         band = slice(top, min(top + rows, height))
         window = _Window(band.start, band.stop, height, width, panoramic)
         guides = {"albedo": frame.albedo, "normal": frame.normal}
-        filtered = _Filter(oidn, {name: window.cut(guide) for name, guide in guides.items() if guide is not None})
+        cut = {name: window.cut(guide).astype(np.float32) for name, guide in guides.items() if guide is not None}
+        filtered = _Filter(oidn, cut)
         if frame.synthetic[band].any():
             covered = window.cut(frame.coverage)[:, :, None]
             noisy = _extended(window.cut(frame.synthetic), covered)
@@ -139,7 +140,7 @@ class _Window:
     width: int
     panoramic: bool
 
-    def cut(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    def cut(self, image: NDArray) -> NDArray:
         """The band with its margin; of a panorama it goes on around the edge and over the poles."""
         if not self.panoramic:
             return np.ascontiguousarray(image[self._first : self.bottom + MARGIN])
