@@ -7,6 +7,7 @@ without; the difference of the two is added to the plate.
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -34,12 +35,13 @@ def debevec(shot: Shot, samples: int, denoise: bool = False, seed: int = 0) -> R
     seconds = sum(one.seconds for one in passes)
     lit, empty = (one.mean for one in passes)
     if denoise:
-        import time
-
-        from lightdepth.film.denoising import denoise_image
+        import mitsuba_oidn
 
         began = time.perf_counter()
-        lit, empty = denoise_image(lit), denoise_image(empty)
+        lit, empty = (
+            np.asarray(mitsuba_oidn.denoise(image.astype(np.float32), hdr=True), dtype=np.float64)
+            for image in (lit, empty)
+        )
         seconds += time.perf_counter() - began
     coverage = shot.coverage[..., None]
     return Rendered(shot.plate + (lit - empty) + coverage * (empty - shot.plate), seconds)
@@ -94,6 +96,7 @@ def _baked(shot: Shot, part: Part) -> NDArray[np.float64]:
     uv = mi.Point2f(u.ravel().astype(np.float32), v.ravel().astype(np.float32))
     found = shape.eval_parameterization(uv)
     points = np.array(found.p).T
-    radiance = lookup(shot.panorama, points - shot.capture, euler_rotation(shot.place.rotation))
-    radiance[~np.array(found.is_valid())] = 0.0
+    valid = np.array(found.is_valid())
+    radiance = np.zeros((len(points), 3))
+    radiance[valid] = lookup(shot.panorama, points[valid] - shot.capture, euler_rotation(shot.place.rotation))
     return radiance.reshape(TEXELS, TEXELS * tiles, 3)

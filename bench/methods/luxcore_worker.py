@@ -72,13 +72,13 @@ def build():
         short = half * min(1.0, settings["height"] / settings["width"])
         put("scene.camera.fieldofview", float(np.degrees(2.0 * np.arctan(short))))
 
-    # LuxCore's map is turned and mirrored against lightdepth's, so the transformation has determinant -1.
+    # LuxCore's columns start at +x and grow toward +y; lightdepth's centre is +y and they grow toward +x: a mirror.
     put("scene.lights.sky.type", "infinite")
     put("scene.lights.sky.file", str(job_path.parent / job["panorama"]))
     put("scene.lights.sky.gamma", 1.0)
-    angle = np.radians(job["capture"]["rotation"][2] + 90.0)
+    angle = np.radians(job["capture"]["rotation"][2])
     cos, sin = np.cos(angle), np.sin(angle)
-    put("scene.lights.sky.transformation", numbers([-cos, -sin, 0, 0, sin, -cos, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]))
+    put("scene.lights.sky.transformation", numbers([sin, -cos, 0, 0, -cos, -sin, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]))
 
     for index, part in enumerate(job["real"]):
         if part["ground"]:

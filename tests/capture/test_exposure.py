@@ -54,7 +54,7 @@ def test_table_in_place_of_exif(tmp_path):
 def test_wrong_table_is_explained(tmp_path, text, message):
     table = tmp_path / "t.csv"
     table.write_text(text)
-    with pytest.raises(InputError, match="t.csv") as error:
+    with pytest.raises(InputError, match=r"t\.csv") as error:
         read_exposures([tmp_path / "a.png"], table)
     assert message in str(error.value)
 
@@ -63,7 +63,7 @@ def test_photograph_without_exposure_names_the_way_out(tmp_path):
     from PIL import Image
 
     Image.fromarray(GREY).save(tmp_path / "plain.jpg")
-    with pytest.raises(InputError, match="plain.jpg.*--exposures"):
+    with pytest.raises(InputError, match=r"plain\.jpg.*--exposures"):
         read_exif(tmp_path / "plain.jpg")
 
 

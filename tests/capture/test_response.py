@@ -69,7 +69,7 @@ def test_known_response_is_recovered_better_than_by_opencv(bracket):
 
 
 def test_real_camera(shared_data):
-    """The file that comes with the bracket holds a polynomial of degree 4, which follows the camera within 6 per cent."""
+    """The file that comes with the bracket holds a polynomial of degree 4, good to 6 per cent or so."""
     folder = shared_data / "brackets/fisheye_office"
     files = sorted(folder.glob("*.JPG"))[5:13]
     amounts = [exposure.amount for exposure in read_exposures(files)]
@@ -122,5 +122,5 @@ def test_response_survives_its_file(tmp_path):
 def test_wrong_response_file_is_explained(tmp_path, text):
     path = tmp_path / "camera.json"
     path.write_text(text)
-    with pytest.raises(InputError, match="camera.json"):
+    with pytest.raises(InputError, match=r"camera\.json"):
         load_response(path)

@@ -101,7 +101,7 @@ def test_brackets_of_seven_orientations_become_the_panorama(tmp_path):
 @pytest.mark.truth
 @pytest.mark.parametrize("name", ["made-up", "interior_hotelroom_1k.exr", "lebombo_1k.hdr", "comfy_cafe_1k.hdr"])
 def test_seven_orientations_of_nine_exposures(tmp_path, name, request):
-    """The paper's rig in full: radiance within 5 per cent over four orders of magnitude, direction within 0.3 degrees."""
+    """The paper's rig in full: radiance within 5 per cent over four decades, direction within 0.3 degrees."""
     if name == "made-up":
         place, bands = room_panorama(512), [1e-3, 1e-2, 1e-1, 1e1, 1e2]
     else:
@@ -152,7 +152,7 @@ def test_real_hand_held_photographs(shared_data, tmp_path):
 
 def test_missing_tool_is_named_with_how_to_install_it(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(SetupError, match="cpfind.*apt-get install hugin-tools"):
+    with pytest.raises(SetupError, match=r"cpfind.*apt-get install hugin-tools"):
         hugin.run("cpfind", folder=tmp_path)
     with pytest.raises(SetupError, match="apt-get install enblend"):
         hugin.require(["enblend"])

@@ -1,7 +1,7 @@
 """The method against full path tracing of the same room (theory, section 5): exact geometry, Lambertian surfaces."""
 
 import pytest
-from agreement import Agreement, Size, compare, leave_behind
+from tests.truth.agreement import Agreement, Size, compare, leave_behind
 from bench.places import PLACES, lamp_and_window
 
 SMALL = Size(photograph=128, photograph_samples=512, width=64, truth_samples=400, samples=64)

@@ -8,7 +8,10 @@ import subprocess
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from lightdepth.capture.lens import PROJECTIONS
+import numpy as np
+
+from lightdepth.capture.lens import PROJECTIONS, Lens
+from lightdepth.capture.project import read_project
 from lightdepth.capture.rig import Rig
 from lightdepth.errors import LightdepthError, SetupError
 
@@ -109,13 +112,28 @@ def find_poses(
         project = "posed.pto"
     anchor = "!y0,!p0,!r0"
     for step, lens in enumerate(("v", "v,b,d,e", LENS_VARIABLES)):
-        project = _edit(folder, project, f"variables{step}.pto", f"--opt=y,p,r,{lens},{anchor}")
-        run("autooptimiser", "-n", "-o", f"optimised{step}.pto", project, folder=folder)
+        edited = _edit(folder, project, f"variables{step}.pto", f"--opt=y,p,r,{lens},{anchor}")
+        run("autooptimiser", "-n", "-o", f"optimised{step}.pto", edited, folder=folder)
+        # Few control points cannot hold many variables; the last plausible lens is then kept.
+        if not _plausible(read_project(folder / f"optimised{step}.pto")[0][0], fov):
+            break
         project = f"optimised{step}.pto"
     if rig is None:
         run("pano_modify", "--straighten", "-o", "level.pto", project, folder=folder)
         project = "level.pto"
     return folder / "matched.pto", folder / project
+
+
+def _plausible(lens: Lens, expected_fov: float) -> bool:
+    """Whether a lens could be real: about the expected field of view, mild distortion, axis near the centre."""
+    radius = np.linspace(0.0, 1.0, 33)
+    a, b, c = lens.distortion
+    slope = 4 * a * radius**3 + 3 * b * radius**2 + 2 * c * radius + 1 - a - b - c
+    return bool(
+        0.7 < lens.fov / expected_fov < 1.4
+        and 0.6 < slope.min() <= slope.max() < 1.6
+        and max(map(abs, lens.shift)) < 0.08 * lens.width
+    )
 
 
 def _edit(folder: Path, project: str, result: str, change: str) -> str:

@@ -69,7 +69,7 @@ def sphere_directions(count: int) -> FloatArray:
     return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=-1)
 
 
-def estimate_photometry(photographs: Sequence[Photograph], with_gains: bool = True, count: int = 40_000) -> Photometry:
+def estimate_photometry(photographs: Sequence[Photograph], with_gains: bool = True, count: int = 30_000) -> Photometry:
     """Vignetting and gains from the directions that several photographs show.
 
     In a direction that photographs ``i`` and ``j`` show at the radii ``r_i`` and ``r_j``, the logarithms of their
@@ -80,7 +80,7 @@ def estimate_photometry(photographs: Sequence[Photograph], with_gains: bool = Tr
     Args:
         photographs: with optimised lenses and poses.
         with_gains: also estimate a gain for each photograph and channel.
-        count: directions looked at.
+        count: directions looked at, at most 32,766 (OpenCV's limit for a lookup).
     """
     image, direction, log, radius, weight = _overlaps(photographs, count)
     channels = 3

@@ -20,8 +20,8 @@ from lightdepth.capture.project import ControlPoint, read_project
 from lightdepth.capture.rig import Rig
 from lightdepth.errors import InputError, LightdepthError
 
-MATCHING_SIDE = 2000
-"""Control points are looked for in images of this size at most, in pixels."""
+MATCHING_SIDES = (800, 2000)
+"""Control points are looked for in images of at least and at most this size, in pixels."""
 
 DISTRUST = 0.01
 """Weight of pixels that are clipped or black in every exposure: they count where nothing else does."""
@@ -139,7 +139,6 @@ def stitch(
         small_lenses, small_points = read_project(optimised_file)
         lenses = [_enlarged(lens, scale, first.radiance.shape) for lens in small_lenses]
         points = [_enlarged_point(point, scale) for point in small_points]
-        _check_lenses(lenses)
         unconnected = _unconnected(len(orientations), points)
         if unconnected and options.rig is None:
             raise InputError(
@@ -181,7 +180,8 @@ def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[n
     Returns:
         Grey, shape (height, width), uint8.
     """
-    small = cv2.resize(orientation.radiance, size, interpolation=cv2.INTER_AREA).mean(axis=2)
+    method = cv2.INTER_AREA if size[0] <= orientation.seen.shape[1] else cv2.INTER_LINEAR
+    small = cv2.resize(orientation.radiance, size, interpolation=method).mean(axis=2)
     seen = cv2.resize(orientation.seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
     if not (seen & (small > 0.0)).any():
         raise InputError(f"{orientation.name}: is black all over")
@@ -194,7 +194,7 @@ def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[n
 def _write_matching_images(orientations: Sequence[Orientation], folder: Path) -> tuple[list[str], float]:
     """Write what the matcher sees; the names, and the size relative to the images'."""
     height, width = orientations[0].radiance.shape[:2]
-    scale = min(1.0, MATCHING_SIDE / max(height, width))
+    scale = float(np.clip(1.0, *(side / max(height, width) for side in MATCHING_SIDES)))
     size = (round(width * scale), round(height * scale))
     names = []
     for index, orientation in enumerate(orientations):
@@ -214,17 +214,6 @@ def _enlarged_point(point: ControlPoint, scale: float) -> ControlPoint:
     # Hugin counts from the centre of the first pixel; here pixels are counted from its corner.
     first, second = (tuple((value + 0.5) / scale for value in pixel) for pixel in (point.first, point.second))
     return ControlPoint(point.images, first, second)  # type: ignore[arg-type]
-
-
-def _check_lenses(lenses: Sequence[Lens]) -> None:
-    """Refuse an optimisation that ran away."""
-    lens = lenses[0]
-    values = [lens.fov, *lens.distortion, *lens.shift, *(angle for each in lenses for angle in (each.yaw, each.pitch))]
-    if not np.isfinite(values).all() or not 1.0 < lens.fov < 360.0 or max(map(abs, lens.distortion)) > 1.0:
-        raise LightdepthError(
-            f"the optimisation of the lens did not converge (field of view {lens.fov:g} degrees, distortion "
-            f"{lens.distortion}); state --lens, --fov and --rig as well as you know them"
-        )
 
 
 def _unconnected(count: int, points: Sequence[ControlPoint]) -> list[int]:
