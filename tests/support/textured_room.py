@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 from bench.places.meshes import rectangle
+from bench.places.objects import rgb
 from bench.places.place import loaded, mitsuba_objects
-from bench.truth import Estimate, path_trace
+from bench.truth import Estimate, cached, content_hash, path_trace
 
 from lightdepth.cameras import Equirectangular
 from lightdepth.directions import FloatArray, direction_to_latlong, euler_rotation
@@ -86,27 +87,39 @@ def _pattern(name: str) -> FloatArray:
 def trace(
     view: CameraView, samples: int, objects: Sequence[SyntheticObject] = (), seed: int = 1, max_depth: int = 12
 ) -> Estimate:
-    """The room through a camera by stock Mitsuba's ``path``, with or without objects in it."""
+    """The room through a camera by stock Mitsuba's ``path``, with or without objects in it; cached."""
     start()
+    meshes = _rectangles()
+    patterns = {name: _pattern(name) for name in meshes if name not in _GLOW}
+    key = content_hash("textured room", meshes, patterns, _GLOW, view, samples, tuple(objects), seed, max_depth)
+
+    def make() -> Estimate:
+        import mitsuba as mi
+
+        from lightdepth.kernel.shapes import mesh_shape
+
+        entries: dict[str, Any] = {"type": "scene"}
+        for name, mesh in meshes.items():
+            plugins = _lamp(_GLOW[name]) if name in _GLOW else _matte(patterns[name])
+            entries[f"real_{name}"] = mesh_shape(mesh, **loaded(plugins))
+        entries |= mitsuba_objects(tuple(objects))
+        scene = mi.load_dict(entries, optimize=False)
+        return path_trace(scene, view, samples, seed, max_depth, with_coverage=bool(objects))
+
+    return cached(key, make)
+
+
+def _matte(pattern: FloatArray) -> dict[str, Any]:
     import mitsuba as mi
 
-    from lightdepth.kernel.shapes import mesh_shape
+    return {"bsdf": {"type": "diffuse", "reflectance": {"type": "bitmap", "bitmap": mi.Bitmap(pattern), "raw": True}}}
 
-    entries: dict[str, Any] = {"type": "scene"}
-    for name, mesh in _rectangles().items():
-        if name in _GLOW:
-            black = {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0, 0.0, 0.0]}}
-            plugins = {
-                "bsdf": black,
-                "emitter": {"type": "area", "radiance": {"type": "rgb", "value": list(_GLOW[name])}},
-            }
-        else:
-            texture = {"type": "bitmap", "bitmap": mi.Bitmap(_pattern(name)), "raw": True}
-            plugins = {"bsdf": {"type": "diffuse", "reflectance": texture}}
-        entries[f"real_{name}"] = mesh_shape(mesh, **loaded(plugins))
-    entries |= mitsuba_objects(tuple(objects))
-    scene = mi.load_dict(entries, optimize=False)
-    return path_trace(scene, view, samples, seed, max_depth, with_coverage=bool(objects))
+
+def _lamp(radiance: tuple[float, float, float]) -> dict[str, Any]:
+    return {
+        "bsdf": {"type": "diffuse", "reflectance": rgb((0.0, 0.0, 0.0))},
+        "emitter": {"type": "area", "radiance": rgb(radiance)},
+    }
 
 
 def panorama_view(width: int) -> CameraView:
