@@ -25,12 +25,16 @@ def everything(
     if context.invoked_subcommand is not None:
         return
     from bench.cost import cost
+    from bench.real import real
     from bench.report import write_report
     from bench.run import FULL, QUICK, RESULTS, run, save
 
     results = run(QUICK if quick else FULL, console)
     console.print(f"wrote {save(results, 'fidelity')}", highlight=False)
     costs = cost(quick, console)
+    photographs = real(quick, console)
+    if photographs is not None:
+        costs["tables"].append(photographs)
     (RESULTS / "cost.json").write_text(json.dumps(costs, indent=1) + "\n")
     console.print(f"wrote {write_report(results, costs, note)}", highlight=False)
 

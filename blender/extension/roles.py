@@ -26,6 +26,8 @@ COLOURS = {
 }
 """Object colours, shown by the viewport's solid shading with colour 'Object'."""
 
+WITHOUT_SURFACE = {"EMPTY", "CAMERA", "LIGHT", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
+
 
 def show_role(item: bpy.types.Object) -> None:
     """Give an object its role's colour; a real surface shows the photograph, a synthetic one its own materials."""
@@ -60,7 +62,7 @@ class SetRole(bpy.types.Operator):
     def execute(self, context):
         """Set the role of every selected object that has surfaces."""
         for item in context.selected_objects:
-            if item.type not in {"EMPTY", "CAMERA", "LIGHT"}:
+            if item.type not in WITHOUT_SURFACE:
                 item.lightdepth.role = self.role
         return {"FINISHED"}
 
@@ -82,6 +84,9 @@ class ShowRoles(bpy.types.Operator):
         if shading.type == "SOLID" and shading.color_type == "OBJECT":
             panorama.show_in(context.space_data)
         else:
+            for item in context.scene.objects:  # new objects have no role's colour yet
+                if item.type not in WITHOUT_SURFACE:
+                    item.color = COLOURS[item.lightdepth.role]
             shading.type, shading.color_type = "SOLID", "OBJECT"
         return {"FINISHED"}
 

@@ -98,6 +98,27 @@ def find_camera(scene: Scene, name: str | None) -> CameraView:
     return scene.cameras[name]
 
 
+def find_method(name: str) -> Callable[[Scene], Prepared]:
+    """What makes a scene ready for a method; call :func:`~lightdepth.kernel.start.start` before.
+
+    Raises:
+        InputError: there is no method of this name.
+    """
+    from lightdepth.transport.methods import METHODS
+
+    if name not in METHODS:
+        raise InputError(f"method '{name}' is unknown; allowed are {', '.join(METHODS)}")
+    return METHODS[name]
+
+
+def forget_prepared() -> None:
+    """Free the memory of what :func:`begin_rendering` keeps of the scenes that were rendered last."""
+    import drjit as dr
+
+    _prepare.cache_clear()
+    dr.flush_malloc_cache()
+
+
 def with_settings(scene: Scene, **settings: object) -> Scene:
     """A scene with other values in its ``[render]`` table."""
     return replace(scene, render=replace(scene.render, **settings))  # type: ignore[arg-type]
@@ -105,8 +126,4 @@ def with_settings(scene: Scene, **settings: object) -> Scene:
 
 @lru_cache(maxsize=2)
 def _prepare(scene: Scene, method: str) -> Prepared:
-    from lightdepth.transport.methods import METHODS
-
-    if method not in METHODS:
-        raise InputError(f"method '{method}' is unknown; allowed are {', '.join(METHODS)}")
-    return METHODS[method](scene)
+    return find_method(method)(scene)

@@ -18,7 +18,7 @@ def exported(blender, tmp_path_factory):
 
 
 def test_the_renderer_loads_the_scene(exported):
-    folder, found = exported
+    folder, _ = exported
     scene = load_scene(folder / "scene.toml")
     roles = {surface.name: str(surface.role) for surface in scene.real}
     assert roles == {"Walls": "environment", "Floor": "support"}

@@ -1,8 +1,9 @@
 """The method against full path tracing of the same room (theory, section 5): exact geometry, Lambertian surfaces."""
 
 import pytest
-from tests.truth.agreement import Agreement, Size, compare, leave_behind
 from bench.places import PLACES, lamp_and_window
+
+from tests.truth.agreement import Agreement, Size, compare, leave_behind
 
 SMALL = Size(photograph=128, photograph_samples=512, width=64, truth_samples=400, samples=64)
 LARGE = Size(photograph=512, photograph_samples=1024, width=160, truth_samples=2048, samples=256)

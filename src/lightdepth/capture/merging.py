@@ -168,14 +168,14 @@ def merge(
         level = response_bounds(response, amount)
         channel_clipped &= radiance > level[1]
         black &= (radiance < level[0]).all(axis=2)
-        if reference is not None:
-            moved = _moved(response.readings(radiance * amount), response.readings(reference * amount))
-            rejected |= moved
-            weight = weight * ~moved[..., None]
         if index == len(amounts) - 1:
             # Nothing sees the dark better than the longest exposure: black there is black, whatever noise the shorter
             # ones read.
             weight = np.maximum(weight, LEAST_TRUST * (radiance < level[1]))
+        if reference is not None:
+            moved = _moved(response.readings(radiance * amount), response.readings(reference * amount))
+            rejected |= moved
+            weight = weight * ~moved[..., None]
         weight *= np.float32(amount)
         total += weight * radiance
         weights += weight

@@ -48,9 +48,11 @@ def sample_patches(photograph: Codes) -> tuple[NDArray[np.float32], NDArray[np.f
     step = max(1, int(np.sqrt(rows * columns / MOST_PATCHES)))
     white = np.float32(np.iinfo(photograph.dtype).max)
     patches = codes[::step, :, ::step].astype(np.float32) / white
-    means, spreads = patches.mean(axis=(1, 3)), patches.std(axis=(1, 3))
-    means[patches.max(axis=(1, 3)) > WHITE] = 1.0
-    means[patches.min(axis=(1, 3)) < BLACK] = 0.0
+    pixels = [patches[:, row, :, column] for row in range(PATCH) for column in range(PATCH)]
+    means = np.mean(pixels, axis=0)
+    spreads = np.std(pixels, axis=0)
+    means[np.max(pixels, axis=0) > WHITE] = 1.0
+    means[np.min(pixels, axis=0) < BLACK] = 0.0
     return means, spreads
 
 

@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
     from lightdepth.film.rendering import Progress as Step
     from lightdepth.film.rendering import Rendering
+    from lightdepth.kernel.start import Device
+    from lightdepth.scene.model import Scene
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
@@ -57,77 +59,115 @@ def render(
 
     Example: lightdepth render examples/lounge/scene.toml --camera view -o out/view.exr --samples 64
     """
-    from lightdepth.api import begin_rendering, load_scene
+    from lightdepth.api import forget_prepared, load_scene
     from lightdepth.film.layers import LAYERS
-    from lightdepth.kernel.start import start
 
-    loaded = load_scene(scene, repair)
-    name = camera or next(iter(loaded.cameras))
-    target = output or Path(f"{scene.stem}-{name}.exr")
     chosen = {"all": None, "none": []}.get(layers, [layer.strip() for layer in layers.split(",")])
-    _check_output(target, chosen, LAYERS)
-    start(device)
-    teller = _Teller(progress, target)
-    teller.say("preparing")
-    rendering = begin_rendering(loaded, name, method, seed, device)
-    noise = loaded.render.noise if noise is None else noise
-    steps = rendering.run(loaded.render.samples if samples is None else samples, noise)
-    interrupted = _Interruption()
+    unknown = [layer for layer in chosen or [] if layer not in LAYERS]
+    if unknown:
+        raise InputError(f"--layers: '{unknown[0]}' is unknown; allowed are all, none, {', '.join(LAYERS)}")
+    with _Interruption() as interruption:
+        try:
+            loaded = load_scene(scene, repair)
+            name = camera or next(iter(loaded.cameras))
+            target = output or Path(f"{scene.stem}-{name}.exr")
+            _check_output(target)
+            teller = _Teller(progress, target)
+            rendering = _prepare(teller, loaded, name, method, seed, device)
+        except KeyboardInterrupt:
+            Console(stderr=True).print("interrupted while preparing; nothing was written", style="yellow")
+            raise typer.Exit(INTERRUPTED) from None
+        interruption.wait = True
+        steps = rendering.run(samples or loaded.render.samples, noise or loaded.render.noise)
+        with teller:
+            shown = time.monotonic()
+            for step in steps:
+                teller.tell(step)
+                if interruption.asked:
+                    break
+                if preview_seconds is not None and time.monotonic() - shown > preview_seconds:
+                    _write_preview(target, rendering, method, exposure)
+                    teller.event({"event": "preview", "file": str(target)})
+                    shown = time.monotonic()
+        interrupted = interruption.asked
+        try:
+            facts, panoramic = rendering.metadata(method), rendering.panoramic
+            frame = rendering.frame(finish=True)
+            del rendering, steps  # To write a large picture takes memory as well.
+            forget_prepared()
+            if denoise:
+                from lightdepth.film.denoising import denoise as denoised
 
-    def write(final: bool) -> Frame:
-        frame = rendering.frame(auxiliary=final)
-        if denoise and final:
-            from lightdepth.film.denoising import denoise as denoised
-
-            frame = denoised(frame, rendering.panoramic)
-        frame.metadata.update(rendering.metadata(method))
-        _write(target, frame, rendering, chosen if final else [], exposure)
-        return frame
-
-    with teller, interrupted:
-        last = time.monotonic()
-        for step in steps:
-            teller.tell(step)
-            if interrupted.asked:
-                break
-            if preview_seconds is not None and time.monotonic() - last > preview_seconds:
-                write(final=False)
-                teller.event({"event": "preview", "file": str(target)})
-                last = time.monotonic()
-    write(final=True)
-    teller.done(interrupted.asked)
-    if interrupted.asked:
+                frame = denoised(frame, panoramic)
+                facts["denoised"] = "change, synthetic"
+            frame.metadata.update(facts)
+            _write(target, frame, panoramic, chosen, exposure)
+        except KeyboardInterrupt:
+            teller.warn(f"interrupted again; {target} was not finished")
+            raise typer.Exit(INTERRUPTED) from None
+    teller.done(interrupted)
+    if interrupted:
         raise typer.Exit(INTERRUPTED)
 
 
-def _check_output(target: Path, layers: list[str] | None, known: Any) -> None:
-    """Refuse what cannot be written before any time is spent."""
+def _check_output(target: Path) -> None:
+    """Refuse what cannot be written before any time is spent; nothing is made yet."""
+    from lightdepth.images.writing import check_writable
+
     if target.suffix.lower() != ".exr":
         raise InputError(f"-o {target}: '{target.suffix}' is not allowed; the output is an .exr file")
-    unknown = [layer for layer in layers or [] if layer not in known]
-    if unknown:
-        raise InputError(f"--layers: '{unknown[0]}' is unknown; allowed are all, none, {', '.join(known)}")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        probe = target.parent / f".{target.name}.probe"
-        probe.touch()
-        probe.unlink()
-    except OSError as error:
-        raise InputError(f"-o {target}: cannot be written ({error.strerror})") from error
+    folder = next(parent for parent in target.absolute().parents if parent.exists())
+    for file in (target, target.with_suffix(".png")):
+        check_writable(file if folder == target.absolute().parent or not folder.is_dir() else folder / file.name)
 
 
-def _write(target: Path, frame: Frame, rendering: Rendering, layers: list[str] | None, exposure: float | None) -> None:
+def _prepare(teller: _Teller, scene: Scene, camera: str, method: str, seed: int | None, device: Device) -> Rendering:
+    """Check a scene and begin to render it; what would make the picture meaningless ends here."""
+    from lightdepth.api import begin_rendering, find_camera, find_method
+    from lightdepth.checks import Severity, find_problems
+    from lightdepth.kernel.start import start
+
+    find_camera(scene, camera)
+    start(device)
+    find_method(method)
+    teller.say("preparing")
+    problems = find_problems(scene)
+    errors = [problem.message for problem in problems if problem.severity is Severity.ERROR]
+    if errors:
+        raise InputError("\n".join(f"{scene.path}: {message}" for message in errors))
+    for message in scene.panorama.repairs:
+        teller.warn(f"warning: {message}")
+    for problem in problems:
+        if problem.severity is Severity.WARNING:
+            teller.warn(f"warning: {scene.path}: {problem.message}")
+    return begin_rendering(scene, camera, method, seed, device)
+
+
+def _write_preview(target: Path, rendering: Rendering, method: str, exposure: float | None) -> None:
+    frame = rendering.frame(auxiliary=False)
+    frame.metadata.update(rendering.metadata(method))
+    _write(target, frame, rendering.panoramic, [], exposure)
+
+
+def _write(target: Path, frame: Frame, panoramic: bool, layers: list[str] | None, exposure: float | None) -> None:
     from lightdepth.film.layers import write_frame, write_picture
 
-    write_frame(target, frame, latlong=rendering.panoramic, layers=layers)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"-o {target}: cannot be written ({error.strerror})") from error
+    write_frame(target, frame, latlong=panoramic, layers=layers)
     write_picture(target.with_suffix(".png"), frame, exposure)
 
 
 class _Interruption:
-    """Notes Ctrl-C instead of raising, so that the current pass ends and the picture is written."""
+    """Ctrl-C: raises ``KeyboardInterrupt``, or with ``wait`` is noted first, so that the picture can be written.
+
+    The second one always raises.
+    """
 
     def __init__(self) -> None:
-        self.asked = False
+        self.asked, self.wait = False, False
 
     def __enter__(self) -> _Interruption:
         self._before = signal.signal(signal.SIGINT, self._note)
@@ -137,6 +177,8 @@ class _Interruption:
         signal.signal(signal.SIGINT, self._before)
 
     def _note(self, *_: object) -> None:
+        if self.asked or not self.wait:
+            raise KeyboardInterrupt
         self.asked = True
 
 
@@ -171,6 +213,9 @@ class _Teller:
             self.event({"event": stage})
         elif self._kind == "bar":
             self._console.print(f"{stage} {self._target.stem} ...")
+
+    def warn(self, message: str) -> None:
+        self._console.print(message, style="yellow", markup=False)
 
     def tell(self, step: Step) -> None:
         self.event(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
 
 import drjit as dr
 import mitsuba as mi
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.transport.difference import CameraSamples
+
+PIXELS_AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -21,55 +24,108 @@ class Estimates:
         synthetic: shape (n, 3), float32, times coverage.
         coverage: shape (n,), float32.
         variance: of the mean of the finished pixel, shape (n, 3), float32.
-        samples: shape (n,), float32.
     """
 
     change: NDArray[np.float32]
     synthetic: NDArray[np.float32]
     coverage: NDArray[np.float32]
     variance: NDArray[np.float32]
-    samples: NDArray[np.float32]
 
 
 class Accumulator:
-    """Sums of samples for a list of pixels.
+    """Sums of samples for a list of n pixels.
 
     Args:
-        plate: the photograph at the pixels, shape (n, 3), float32: what a pixel shows where nothing new covers it.
+        plate: the photograph, all pixels of the image in a row, shape (m, 3), float32: what they show where nothing new
+            covers them.
+        pixels: which of them are in the list, shape (n,), uint32.
+
+    Attributes:
+        taken: number of samples of each pixel of the list, shape (n,), uint32.
     """
 
-    def __init__(self, plate: NDArray[np.float32]) -> None:
-        self.count = len(plate)
-        size = max(self.count, 1)
-        self._plate = mi.Float(np.ascontiguousarray(plate if self.count else np.zeros((1, 3), np.float32)).reshape(-1))
-        # Change, synthetic radiance, covered samples, squares of the finished pixel without its plate, samples.
-        self._sums = [dr.zeros(mi.Float, size) for _ in range(11)]
-        dr.eval(self._sums)
+    def __init__(self, plate: NDArray[np.float32], pixels: NDArray[np.uint32]) -> None:
+        self._plate, self._pixels = plate, pixels
+        self.taken = np.zeros(len(pixels), np.uint32)
+        size = max(len(pixels), 1)
+        self._change, self._synthetic, self._squares = (dr.zeros(mi.Float, 3 * size) for _ in range(3))
+        self._covered = dr.zeros(mi.Float, size)
 
-    def add(self, slots: mi.UInt32, samples: CameraSamples, per_pixel: int) -> None:
+    def add(self, slots: NDArray[np.uint32], samples: CameraSamples, per_pixel: int) -> None:
         """Add samples.
 
         Args:
-            slots: places in the list of pixels, each at most once, length n.
+            slots: places in the list of pixels, each at most once, shape (k,).
             samples: estimates, ``per_pixel`` in a row for each of ``slots``.
             per_pixel: samples per pixel.
         """
-        lanes = dr.width(slots) * per_pixel
-        owner = dr.gather(mi.UInt32, slots, dr.arange(mi.UInt32, lanes) // per_pixel)
-        covered = dr.select(samples.covered, 1.0, 0.0)
-        plate = dr.gather(mi.Color3f, self._plate, owner)
-        squares = dr.square(samples.change + samples.synthetic - plate * covered)
-        values = [*samples.change, *samples.synthetic, covered, *squares, dr.ones(mi.Float, lanes)]
-        for total, value in zip(self._sums, values, strict=True):
-            added = dr.block_sum(value, per_pixel) if per_pixel > 1 else value
-            dr.scatter(total, dr.gather(mi.Float, total, slots) + added, slots)
-        dr.eval(self._sums)
+        place = mi.UInt32(slots)
+        squares = dr.square(samples.change + samples.synthetic)
+        for total, color in (
+            (self._change, samples.change),
+            (self._synthetic, samples.synthetic),
+            (self._squares, squares),
+        ):
+            for channel in range(3):
+                _add(total, color[channel], 3 * place + channel, per_pixel)
+        _add(self._covered, dr.select(samples.covered, 1.0, 0.0), place, per_pixel)
+        dr.eval(self._change, self._synthetic, self._squares, self._covered)
+        self.taken[slots] += np.uint32(per_pixel)
 
-    def estimates(self) -> Estimates:
-        """The means so far."""
-        sums = np.stack([total.numpy() for total in self._sums])[:, : self.count]
-        number = np.maximum(sums[10], 1.0)
-        change, synthetic, coverage = sums[0:3] / number, sums[3:6] / number, sums[6] / number
-        mean = change + synthetic - self._plate.numpy().reshape(-1, 3).T[:, : self.count] * coverage
-        variance = np.maximum(sums[7:10] / number - mean**2, 0.0) / np.maximum(number - 1.0, 1.0)
-        return Estimates(change.T, synthetic.T, coverage, variance.T, sums[10])
+    def estimates(self, finish: bool = False) -> Estimates:
+        """The means so far of all pixels of the list.
+
+        Args:
+            finish: put the means in place of the sums, which saves their memory; nothing can be added any more.
+        """
+        sums = self._sums()
+        result = sums if finish else Estimates(*(np.empty_like(getattr(sums, field.name)) for field in fields(sums)))
+        for part, means in self._means(sums):
+            for field in fields(result):
+                getattr(result, field.name)[part] = getattr(means, field.name)
+        if finish:
+            del self._change, self._synthetic, self._squares, self._covered
+        return result
+
+    def relative_errors(self, floor: float) -> NDArray[np.float32]:
+        """Estimated standard error of each pixel relative to its brightness plus ``floor``, shape (n,), float32."""
+        errors = np.empty(len(self._pixels), np.float32)
+        for part, means in self._means(self._sums()):
+            plate = self._plate[self._pixels[part]]
+            beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
+            errors[part] = np.sqrt(means.variance.mean(axis=1)) / (np.maximum(beauty.mean(axis=1), 0.0) + floor)
+        return errors
+
+    def _sums(self) -> Estimates:
+        """The sums where they lie, with squares in place of the variance; on a GPU, a copy of them."""
+        count = len(self._pixels)
+        change, synthetic, squares = (
+            total.numpy().reshape(-1, 3)[:count] for total in (self._change, self._synthetic, self._squares)
+        )
+        return Estimates(change, synthetic, self._covered.numpy()[:count], squares)
+
+    def _means(self, sums: Estimates) -> Iterator[tuple[slice, Estimates]]:
+        """The means part by part, so that a large image needs no large temporaries.
+
+        A finished sample is ``x + (1 - c) P`` with ``x`` what is new, ``P`` the plate and ``c`` whether it is covered,
+        so that its variance is ``var x - 2 P cov(x, c) + P^2 var c``. Of ``x``, only ``synthetic`` occurs with ``c``.
+        """
+        for first in range(0, len(self._pixels), PIXELS_AT_ONCE):
+            part = slice(first, min(first + PIXELS_AT_ONCE, len(self._pixels)))
+            number = np.maximum(self.taken[part], 1).astype(np.float32)
+            change, synthetic = sums.change[part] / number[:, None], sums.synthetic[part] / number[:, None]
+            coverage = sums.coverage[part] / number
+            plate, mean = self._plate[self._pixels[part]], change + synthetic
+            # Both are exactly 0 where a pixel is covered wholly: a lamp behind it does not swamp the variance.
+            covariance = synthetic - mean * coverage[:, None]
+            spread = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
+            variance = sums.variance[part] / number[:, None] - np.square(mean) + spread
+            variance = np.maximum(variance, 0.0) / np.maximum(number - 1.0, 1.0)[:, None]
+            yield part, Estimates(change, synthetic, coverage, variance)
+
+
+def _add(total: mi.Float, value: mi.Float, index: mi.UInt32, per_pixel: int) -> None:
+    """Add the sums of blocks of ``per_pixel`` values to places of ``total`` that differ."""
+    dr.scatter_add(
+        total, dr.block_sum(value, per_pixel) if per_pixel > 1 else value, index, mode=dr.ReduceMode.NoConflicts
+    )

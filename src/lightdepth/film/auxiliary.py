@@ -18,7 +18,7 @@ SUBPIXELS = 2
 
 def render_auxiliary(
     view: CameraView, prepared: Prepared
-) -> tuple[NDArray[np.uint32], NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+) -> tuple[NDArray[np.uint32], NDArray[np.float32], NDArray[np.float16], NDArray[np.float16]]:
     """Object ids (h, w) and depth (h, w) at pixel centres, mean normal and albedo (h, w, 3) of each pixel.
 
     The albedo of real surfaces is the photograph held to 1, which is what guides a denoiser best; that of mirrors and
@@ -27,8 +27,8 @@ def render_auxiliary(
     width, height = view.camera.resolution
     object_id = np.empty((height, width), np.uint32)
     depth = np.empty((height, width), np.float32)
-    normal = np.empty((height, width, 3), np.float32)
-    albedo = np.empty((height, width, 3), np.float32)
+    normal = np.empty((height, width, 3), np.float16)  # As the file has them: of a large image, this counts.
+    albedo = np.empty((height, width, 3), np.float16)
     origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
     offsets = [(i + 0.5) / SUBPIXELS for i in range(SUBPIXELS)]
     for first in range(0, height, ROWS_AT_ONCE):

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from types import ModuleType
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from lightdepth.errors import SetupError
 from lightdepth.film.frame import Frame
@@ -25,7 +27,8 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
     The change is denoised as a share of the photograph, in which the photograph's texture cancels: on a diffuse surface
     it is the relative change of irradiance. The filter knows images of light, which is not negative, but the change
     has both signs: what was added and what was taken away are denoised apart. A pixel without any change or new surface
-    keeps exactly nothing.
+    keeps exactly nothing. At the objects' rims both layers hold only a share of the pixel, and end beyond: they are
+    denoised as if they filled it and went on, or the filter would see an edge in every rim and overshoot there.
 
     Args:
         frame: as rendered; albedo and normals, which have no noise, guide the filter where the frame has them.
@@ -49,17 +52,23 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
         band = slice(top, min(top + rows, height))
         window = _Window(band.start, band.stop, height, width, panoramic)
         guides = {"albedo": frame.albedo, "normal": frame.normal}
-        filtered = _Filter(oidn, {name: window.cut(guide) for name, guide in guides.items() if guide is not None})
+        cut = {name: window.cut(guide).astype(np.float32) for name, guide in guides.items() if guide is not None}
+        filtered = _Filter(oidn, cut)
         if frame.synthetic[band].any():
-            clean = window.inner(filtered(window.cut(frame.synthetic), synthetic_scale))
+            covered = window.cut(frame.coverage)[:, :, None]
+            noisy = _extended(window.cut(frame.synthetic), covered)
+            clean = window.inner(filtered(noisy, synthetic_scale) * covered)
             synthetic[band] = np.where(_touched(frame.synthetic[band]), clean, 0.0)
         if frame.change[band].any():
             if "albedo" in filtered.guides:  # Without the photograph's texture there is none for it to explain.
                 filtered.guides["albedo"][window.cut(frame.coverage) == 0.0] = 1.0
-            noisy = window.cut(frame.change) / (window.cut(frame.plate) + floor)
+            uncovered = 1.0 - window.cut(frame.coverage)[:, :, None]
+            noisy = _extended(window.cut(frame.change), uncovered) / (window.cut(frame.plate) + floor)
             added = window.inner(filtered(np.maximum(noisy, 0.0), change_scale))
             taken = window.inner(filtered(np.maximum(-noisy, 0.0), change_scale))
             clean = (added - taken) * (frame.plate[band] + floor)
+            # At narrow contact shadows the filter overshoots; no more can be taken away than was there.
+            clean = np.maximum(clean, np.minimum(-frame.plate[band], 0.0)) * window.inner(uncovered)
             change[band] = np.where(_touched(frame.change[band]), clean, 0.0)
     return replace(frame, change=change, synthetic=synthetic)
 
@@ -72,6 +81,19 @@ def _load() -> ModuleType:
             f"denoising needs Open Image Denoise ({error}). Install it with `pip install 'lightdepth[denoise]'`"
         ) from error
     return mitsuba_oidn
+
+
+def _extended(layer: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A layer as if it filled every pixel: divided by its share, and gone on where that is small.
+
+    Args:
+        layer: shape (height, width, 3).
+        share: of each pixel that the layer fills, shape (height, width, 1).
+    """
+    around = cv2.dilate(share[:, :, 0], np.ones((5, 5), np.uint8))
+    reliable = (share[:, :, 0] > 0.0) & (share[:, :, 0] >= 0.5 * around)
+    row, column = distance_transform_edt(~reliable, return_distances=False, return_indices=True)
+    return layer[row, column] / np.maximum(share[row, column], np.float32(1e-6))
 
 
 def _touched(layer: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -118,7 +140,7 @@ class _Window:
     width: int
     panoramic: bool
 
-    def cut(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
+    def cut(self, image: NDArray) -> NDArray:
         """The band with its margin; of a panorama it goes on around the edge and over the poles."""
         if not self.panoramic:
             return np.ascontiguousarray(image[self._first : self.bottom + MARGIN])

@@ -20,8 +20,8 @@ class Frame:
         alpha: 1 inside the camera's image and 0 outside it (beyond a fisheye's circle), shape (height, width), float32.
         object_id: which object is seen, shape (height, width), uint32: 0 is none, i + 1 is ``scene.synthetic[i]``.
         depth: distance along the ray in metres, shape (height, width), float32; inf is sky.
-        normal: unit normals in world space, shape (height, width, 3), float32.
-        albedo: albedo of what is seen, shape (height, width, 3), float32.
+        normal: unit normals in world space, shape (height, width, 3), float16 or float32.
+        albedo: albedo of what is seen, shape (height, width, 3), float16 or float32.
         variance: variance of the mean of ``beauty``, shape (height, width, 3), float32.
         samples: number of samples spent, shape (height, width), uint32.
         metadata: facts for the file's header, by name.
@@ -35,8 +35,8 @@ class Frame:
     alpha: NDArray[np.float32]
     object_id: NDArray[np.uint32] | None = None
     depth: NDArray[np.float32] | None = None
-    normal: NDArray[np.float32] | None = None
-    albedo: NDArray[np.float32] | None = None
+    normal: NDArray[np.floating] | None = None
+    albedo: NDArray[np.floating] | None = None
     variance: NDArray[np.float32] | None = None
     samples: NDArray[np.uint32] | None = None
     metadata: dict[str, str] = field(default_factory=dict)

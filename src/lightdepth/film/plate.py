@@ -45,15 +45,19 @@ def render_plate(view: CameraView, panorama: Panorama, place: Place) -> tuple[ND
         rows = min(ROWS_AT_ONCE, height - first)
         lane = dr.arange(mi.UInt32, width * rows)
         column, row = mi.Float(lane % width), mi.Float(lane // width + dr.opaque(mi.UInt32, first))
-        total, share = mi.Color3f(0.0), dr.zeros(mi.Float, width * rows)
+        total, share = dr.zeros(mi.Color3f, width * rows), dr.zeros(mi.Float, width * rows)
         for i in range(subpixels):
             for j in range(subpixels):
-                film = mi.Point2f((column + (i + 0.5) / subpixels) / width, (row + (j + 0.5) / subpixels) / height)
+                # Point by point, so that one small kernel serves all of them.
+                offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
+                dr.make_opaque(offset)
+                film = mi.Point2f((column + offset.x) / width, (row + offset.y) / height)
                 start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
                 ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
                 hit = place.surfaces.first_real(ray, inside)
                 total += place.photograph(hit, ray.d) & inside
                 share += dr.select(inside, 1.0, 0.0)
+                dr.eval(total, share)
         scale = 1.0 / subpixels**2
         plate[first : first + rows] = (total * scale).numpy().T.reshape(rows, width, 3)
         alpha[first : first + rows] = (share * scale).numpy().reshape(rows, width)

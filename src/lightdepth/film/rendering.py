@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,6 +31,12 @@ QUANTUM = 4
 """Further samples come in multiples of this."""
 MOST_SHARE = 16
 """No pixel gets more than this many times the average number of samples."""
+DARK = 0.1
+"""Errors count relative to a pixel's brightness plus this share of the median: nobody sees noise in the dark."""
+SECONDS_BETWEEN_ERRORS = 0.5
+"""The error is estimated for those who watch at most so often,"""
+ERROR_SHARE = 0.05
+"""and at most for this share of the time."""
 LIGHTS_SERVE = 1 << 21
 """Camera paths after which new light samples are drawn."""
 
@@ -67,11 +74,14 @@ class Rendering:
         self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
         self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place)
         self.pixels = influenced_pixels(view, prepared)
-        self._accumulator = Accumulator(self.plate.reshape(-1, 3)[self.pixels])
-        self._pixels = mi.UInt32(self.pixels if len(self.pixels) else np.zeros(1, np.uint32))
-        self._taken = np.zeros(len(self.pixels), np.uint32)
+        plate = self.plate.reshape(-1, 3)
+        self._accumulator = Accumulator(plate, self.pixels)
+        some = plate[self.pixels[:: max(1, len(self.pixels) >> 16)]]
+        self._dark = DARK * float(np.median(some.mean(axis=1))) + 1e-12 if len(some) else 1.0
         self._generator = np.random.default_rng(seed)
         self._lights_served = 0
+        self._error, self._error_time = 0.0, -math.inf
+        dr.flush_malloc_cache()  # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
 
     def run(self, samples: int, noise: float | None = None) -> Iterator[Progress]:
         """Take samples, yielding after every pass; to stop early, stop iterating.
@@ -83,24 +93,26 @@ class Rendering:
         start = time.monotonic()
         total = samples * len(self.pixels)
         done = 0
-        wanted = np.full(len(self.pixels), min(PILOT_SAMPLES, samples))
+        wanted = np.full(len(self.pixels), min(PILOT_SAMPLES, samples), np.int32)
         while wanted.any():
             for slots, per_pixel in _passes(wanted):
                 self._sample(slots, per_pixel)
                 done += len(slots) * per_pixel
                 elapsed = time.monotonic() - start
                 fraction = min(done / total, 1.0)
-                yield Progress(fraction, done / len(self.pixels), self.error(), elapsed * (1.0 / fraction - 1.0))
-            wanted = self._allocate(samples, noise)
+                yield Progress(fraction, done / len(self.pixels), self._watched_error(), elapsed * (1 / fraction - 1))
+            wanted, total = self._allocate(samples, noise)
         yield Progress(1.0, done / max(len(self.pixels), 1), self.error(), 0.0)
 
-    def frame(self, auxiliary: bool = True) -> Frame:
+    def frame(self, auxiliary: bool = True, finish: bool = False) -> Frame:
         """The image so far.
 
         Args:
             auxiliary: with object ids, depth, normals and albedo as well.
+            finish: the rendering gives its memory to the image and cannot go on.
         """
-        estimates = self._accumulator.estimates()
+        estimates = self._accumulator.estimates(finish)
+        taken = self._accumulator.taken if finish else self._accumulator.taken.copy()
         frame = Frame(
             plate=self.plate,
             change=self._scattered(estimates.change),
@@ -108,9 +120,10 @@ class Rendering:
             coverage=self._scattered(estimates.coverage),
             alpha=self.alpha,
             variance=self._scattered(estimates.variance),
-            samples=self._scattered(estimates.samples.astype(np.uint32)),
+            samples=self._scattered(taken),
             object_names=tuple(thing.name for thing in self._scene.synthetic),
         )
+        del estimates
         if auxiliary:
             layers = render_auxiliary(self._view, self._prepared)
             frame.object_id, frame.depth, frame.normal, frame.albedo = layers
@@ -127,7 +140,7 @@ class Rendering:
         facts = {
             "method": method,
             "seed": str(self._seed),
-            "samples": f"{self._taken.mean():.1f}" if len(self._taken) else "0",
+            "samples": f"{self._accumulator.taken.mean():.1f}" if len(self.pixels) else "0",
             "error": f"{self.error():.5f}",
             "irradiance_error": f"{report.mean_error:.5f}",
         }
@@ -137,46 +150,60 @@ class Rendering:
 
     def error(self) -> float:
         """Estimated relative error of the sampled pixels, root mean square."""
-        return float(np.sqrt(np.mean(self._relative_error() ** 2))) if len(self.pixels) else 0.0
+        if not len(self.pixels):
+            return 0.0
+        return float(np.sqrt(np.mean(np.square(self._accumulator.relative_errors(self._dark)))))
 
-    def _relative_error(self) -> NDArray[np.float32]:
-        """Estimated standard error of each sampled pixel relative to its brightness, shape (n,)."""
-        estimates = self._accumulator.estimates()
-        plate = self.plate.reshape(-1, 3)[self.pixels]
-        beauty = plate * (1.0 - estimates.coverage[:, None]) + estimates.change + estimates.synthetic
-        brightness = beauty.mean(axis=1)
-        floor = 0.1 * float(np.median(plate.mean(axis=1))) + 1e-12
-        return np.sqrt(estimates.variance.mean(axis=1)) / (np.maximum(brightness, 0.0) + floor)
+    def _watched_error(self) -> float:
+        """The same for those who watch, estimated anew so rarely that it costs little time."""
+        started = time.monotonic()
+        if started >= self._error_time:
+            self._error = self.error()
+            ended = time.monotonic()
+            self._error_time = ended + max(SECONDS_BETWEEN_ERRORS, (ended - started) / ERROR_SHARE)
+        return self._error
 
-    def _allocate(self, samples: int, noise: float | None) -> NDArray[np.int64]:
+    def _allocate(self, samples: int, noise: float | None) -> tuple[NDArray[np.int32], int]:
         """How many more samples each pixel gets, multiples of ``QUANTUM``; all 0 when the work is done.
 
         Without a wanted ``noise``, what remains after the pilot is spent at once in proportion to the error that each
         pixel then had. With it, as many as the error calls for, in rounds that at most quadruple a pixel's samples.
+
+        Returns:
+            These numbers, and how many samples the whole image will have taken, as far as is known.
         """
-        taken = self._taken.astype(np.float64)
+        taken = self._accumulator.taken
+        spent = int(taken.sum(dtype=np.int64))
         if noise is None:
-            left = samples * taken.size - taken.sum()
-            if left < QUANTUM * taken.size / 64 or taken.max(initial=0.0) > PILOT_SAMPLES:
-                return np.zeros(taken.size, np.int64)
-            error = self._smoothed(self._relative_error())
-            more = np.minimum(left * error / max(error.sum(), 1e-300), MOST_SHARE * samples)
+            left = samples * taken.size - spent
+            if left < QUANTUM * taken.size / 64 or taken.max(initial=0) > PILOT_SAMPLES:
+                return np.zeros(taken.size, np.int32), spent
+            more = self._smoothed(self._accumulator.relative_errors(self._dark))
+            more *= left / max(float(more.sum(dtype=np.float64)), 1e-30)
+            np.minimum(more, MOST_SHARE * samples, out=more)
+            whole = spent + left
         else:
             # The error falls with the square root of the number of samples.
-            error = self._smoothed(self._relative_error())
-            more = np.minimum(taken * np.square(error / noise), np.minimum(4.0 * taken, samples)) - taken
-        return QUANTUM * np.floor(np.maximum(more, 0.0) / QUANTUM + 0.5).astype(np.int64)
+            more = np.square(self._smoothed(self._accumulator.relative_errors(self._dark)) / np.float32(noise))
+            more *= taken
+            np.minimum(more, samples, out=more)
+            more -= taken
+            np.maximum(more, 0.0, out=more)
+            whole = spent + int(more.sum(dtype=np.float64))
+            np.minimum(more, 3.0 * taken, out=more)
+        return QUANTUM * np.floor(more / QUANTUM + 0.5).astype(np.int32), max(whole, spent + 1)
 
     def _smoothed(self, error: NDArray[np.float32]) -> NDArray[np.float32]:
         """Errors averaged over neighbours: a single pixel's estimate from few samples misleads."""
         import cv2
 
-        image = np.zeros(self._height * self._width, np.float32)
-        image[self.pixels] = error
-        return cv2.blur(image.reshape(self._height, self._width), (9, 9)).reshape(-1)[self.pixels]
+        smoothed = np.asarray(cv2.blur(self._scattered(error), (9, 9)), np.float32).reshape(-1)
+        return smoothed if smoothed.size == error.size else smoothed[self.pixels]
 
     def _scattered(self, values: NDArray) -> NDArray:
-        """Values of the sampled pixels in their places of the image, 0 elsewhere."""
+        """Values of the sampled pixels in their places of the image, 0 elsewhere; themselves, where that is all."""
+        if len(values) == self._height * self._width:
+            return values.reshape(self._height, self._width, *values.shape[1:])
         image = np.zeros((self._height * self._width, *values.shape[1:]), values.dtype)
         image[self.pixels] = values
         return image.reshape(self._height, self._width, *values.shape[1:])
@@ -188,13 +215,12 @@ class Rendering:
             self._prepared.place.draw_lights(self._generator)
             self._lights_served = LIGHTS_SERVE
         self._lights_served -= lanes
-        slot = mi.UInt32(slots)
         lane = dr.arange(mi.UInt32, lanes)
         # Not a literal, which would compile anew for every number.
         count = dr.opaque(mi.UInt32, per_pixel)
         owner = lane // count
-        pixel = dr.gather(mi.UInt32, self._pixels, dr.gather(mi.UInt32, slot, owner))
-        index = dr.gather(mi.UInt32, mi.UInt32(self._taken[slots]), owner) + lane % count
+        pixel = dr.gather(mi.UInt32, mi.UInt32(self.pixels[slots]), owner)
+        index = dr.gather(mi.UInt32, mi.UInt32(self._accumulator.taken[slots]), owner) + lane % count
         randoms = begin_path(pixel, index, dr.opaque(mi.UInt32, self._seed))
         x, y = randoms.spread("film")
         film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)
@@ -203,11 +229,11 @@ class Rendering:
         ray = mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction)
         samples = self._prepared.integrator.sample(randoms, ray, inside)
         dr.eval(samples)
-        self._accumulator.add(slot, samples, per_pixel)
-        self._taken[slots] += per_pixel
+        self._accumulator.add(slots, samples, per_pixel)
+        dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
 
 
-def _passes(wanted: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.uint32], int]]:
+def _passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.uint32], int]]:
     """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each)."""
     left = wanted.copy()
     for per_pixel in (64, 16, QUANTUM, 1):

@@ -39,8 +39,10 @@ class MapDistribution:
         # The fourth component is the density with respect to (u, v) at the pixel's centre.
         texels[..., 3] = weights
         self._texels = mi.Float(texels.reshape(-1))
-        self._cumulative = np.cumsum(texels[..., 3].reshape(-1), dtype=np.float64)
-        self._cumulative /= max(self._cumulative[-1], 1e-300)
+        # On the CPU this is where the texels lie: of a large panorama, a copy of them counts.
+        self._weights = self._texels.numpy().reshape(texels.shape)[..., 3]
+        rows = np.array([row.sum(dtype=np.float64) for row in self._weights])
+        self._row_ends = np.cumsum(rows) / max(rows.sum(), 1e-300)
 
     def radiance_and_pdf(self, direction: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
         """M(w) and the density ``p_map(w)`` per unit solid angle at the capture point.
@@ -95,8 +97,18 @@ class MapDistribution:
             ``(pixel centres' indices, unit directions in light space)`` of length ``count``.
         """
         positions = (np.arange(count) + generator.random()) / count
-        index = np.minimum(np.searchsorted(self._cumulative, positions, side="right"), self._cumulative.size - 1)
-        row, column = np.divmod(index, self.width)
+        row, column = np.empty(count, np.int64), np.empty(count, np.int64)
+        stops = np.searchsorted(positions, self._row_ends)
+        stops[-1] = count
+        begin, row_begin = 0, 0.0
+        for number, (stop, row_end) in enumerate(zip(stops, self._row_ends, strict=True)):
+            if stop > begin:
+                within = (positions[begin:stop] - row_begin) / max(row_end - row_begin, 1e-300)
+                ends = np.cumsum(self._weights[number], dtype=np.float64)
+                row[begin:stop] = number
+                column[begin:stop] = np.minimum(np.searchsorted(ends, within * ends[-1], "right"), self.width - 1)
+            begin, row_begin = stop, row_end
+        index = row * self.width + column
         tent = generator.random((4, count), dtype=np.float32)
         u = (column + 0.5 + (tent[0] + tent[1] - 1.0)) / self.width
         v = (row + 0.5 + (tent[2] + tent[3] - 1.0)) / self.height

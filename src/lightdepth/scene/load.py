@@ -18,7 +18,7 @@ from lightdepth.cameras import Camera, Equirectangular
 from lightdepth.directions import euler_rotation, look_at_rotation
 from lightdepth.errors import InputError
 from lightdepth.images.radiance import read_radiance
-from lightdepth.images.validation import validate_panorama
+from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.scene.depth import read_depth
 from lightdepth.scene.materials import Material, Principled, Texture
 from lightdepth.scene.meshes import MeshPart, read_mesh_file
@@ -141,7 +141,9 @@ def _noted(problems: Problems, place: Place, work: Callable[[], Result]) -> Resu
 
 
 def _panorama(table: PanoramaTable, repair: bool) -> Panorama:
-    radiance = validate_panorama(read_radiance(table.image), table.image, repair=repair)
+    found = read_radiance(table.image)
+    radiance = validate_panorama(found, table.image, repair=repair)
+    repairs = [f"{table.image}: {defect}; replaced" for defect in find_defects(found)] if repair else []
     if table.scale != 1.0:
         radiance = radiance * np.float32(table.scale)
     return Panorama(
@@ -150,6 +152,7 @@ def _panorama(table: PanoramaTable, repair: bool) -> Panorama:
         rotation=euler_rotation(table.rotation),
         depth=None if table.depth is None else read_depth(table.depth),
         path=table.image,
+        repairs=tuple(repairs),
     )
 
 

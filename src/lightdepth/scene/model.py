@@ -101,6 +101,7 @@ class Panorama:
         depth: distances from the capture point in metres where the user gave them, shape (h, 2 h), float32, positive,
             inf for sky; else ``None``. Its size may differ from that of ``radiance``.
         path: the file it came from, for messages.
+        repairs: what was wrong with its radiance and was replaced, a message for each kind.
     """
 
     radiance: NDArray[np.float32]
@@ -108,6 +109,7 @@ class Panorama:
     rotation: NDArray[np.float64]
     depth: NDArray[np.float32] | None = None
     path: Path | None = None
+    repairs: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

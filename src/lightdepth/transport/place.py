@@ -211,7 +211,7 @@ class Place:
         """``z(w)`` at the pixels' centres, metres, inf for sky."""
         if self.infinite or not self.surfaces.has_real:
             return mi.Float(dr.inf)
-        rows = []
+        depth = np.empty(self.map.width * self.map.height, np.float32)
         index = dr.arange(mi.UInt32, self.map.width * 64)
         for first in range(0, self.map.height, 64):
             pixel = index + first * self.map.width
@@ -219,8 +219,9 @@ class Place:
             v = (mi.Float(pixel // self.map.width) + 0.5) / self.map.height
             ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
             found = self.surfaces.real.ray_intersect_preliminary(ray, coherent=True)
-            rows.append(dr.select(found.is_valid(), found.t, dr.inf).numpy())
-        return mi.Float(np.concatenate(rows)[: self.map.width * self.map.height])
+            part = depth[first * self.map.width :][: 64 * self.map.width]
+            part[:] = dr.select(found.is_valid(), found.t, dr.inf).numpy()[: part.size]
+        return mi.Float(depth)
 
     def _capture_sees(self, w0: mi.Vector3f, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
         """Whether the capture point sees a place, as shadow maps decide it: by the depth of the map in its direction.

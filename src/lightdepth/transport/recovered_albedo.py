@@ -81,7 +81,7 @@ def recover_irradiance(
     vertices = support.vertices
     points, vertices, faces, parent = _subdivide_to_length(points, vertices, faces, parent)
     normal_of = _vertex_normals(points, faces)
-    irradiance, _ = estimate_irradiance(place, _inside(points, faces), normal_of, generator)
+    irradiance, noise = estimate_irradiance(place, _inside(points, faces), normal_of, generator)
     fresh = np.ones(len(faces), bool)
     for _ in range(LEVELS):
         edges = find_edges(faces)
@@ -97,14 +97,14 @@ def recover_irradiance(
         expected = irradiance[ends].mean(axis=1)
         scale = np.maximum(value.mean(axis=1), DARK * np.median(irradiance))
         deviation = np.abs(value - expected).max(axis=1) / scale
-        marked = np.zeros(len(edges.ends), bool)
         tolerance = INTERPOLATION_TOLERANCE * np.clip(
             np.sqrt(NEAR / _share_of_view(middles, spheres)), 1.0, FAR_TOLERANCE
         )
-        marked[candidate] = deviation > np.maximum(tolerance, 2.5 * error)
-        if not marked.any():
-            break
-        marked = close_marks(edges, lengths, marked)
+        rough = np.zeros(len(edges.ends), bool)
+        rough[candidate] = deviation > np.maximum(tolerance, 2.5 * error)
+        # Every middle that was estimated becomes a vertex; only where one was off, the halves are looked at in turn.
+        goes_on = rough[edges.of_face].any(axis=1)
+        marked = close_marks(edges, lengths, candidate)
         known = np.zeros((len(edges.ends), 3), np.float32)
         known[candidate] = value
         unknown = np.flatnonzero(marked & ~candidate)
@@ -116,15 +116,14 @@ def recover_irradiance(
         middle = np.full(len(edges.ends), -1, np.int64)
         middle[marked] = len(points) + np.arange(int(marked.sum()))
         split = edges.ends[marked]
-        before = len(faces)
         faces, piece_of = split_edges(faces, edges, lengths, middle)
-        fresh = np.bincount(piece_of, minlength=before)[piece_of] > 1
+        fresh = goes_on[piece_of]
         parent = parent[piece_of]
         points = np.concatenate([points, points[split].mean(axis=1).astype(np.float32)])
         vertices = np.concatenate([vertices, vertices[split].mean(axis=1).astype(np.float32)])
         normal_of = np.concatenate([normal_of, normal_of[split[:, 0]]])
         irradiance = np.concatenate([irradiance, known[marked]])
-    irradiance = _fill_dark(irradiance, faces)
+    irradiance = _smooth(_fill_dark(irradiance, faces), faces, noise)
     mirrored = np.zeros_like(irradiance)
     if surfaces.glosses:
         gloss = np.zeros(len(points), np.uint32)
@@ -255,6 +254,23 @@ def _fill_dark(irradiance: NDArray[np.float32], faces: NDArray[np.int32]) -> NDA
         filled[reached] = total[reached] / count[reached, None]
         lit = lit | reached
     return filled.astype(np.float32)
+
+
+def _smooth(irradiance: NDArray[np.float32], faces: NDArray[np.int32], noise: float) -> NDArray[np.float32]:
+    """Average each vertex with its neighbours as far as the estimates' noise explains the difference between them.
+
+    The mesh is so fine that the irradiance is all but linear from vertex to vertex; where it is not, at the edge of a
+    shadow, the difference is many times the noise and nothing is averaged.
+    """
+    ends = find_edges(faces).ends
+    first, second = irradiance[ends[:, 0]].astype(np.float64), irradiance[ends[:, 1]].astype(np.float64)
+    difference = (first - second).mean(axis=1) / np.maximum((first + second).mean(axis=1), 1e-30)
+    weight = np.exp(-0.5 * np.square(difference / max(2.0 * noise, 1e-6)))
+    total, weights = irradiance.astype(np.float64), np.ones(len(irradiance))
+    for here, there in ((0, 1), (1, 0)):
+        np.add.at(total, ends[:, here], weight[:, None] * irradiance[ends[:, there]])
+        np.add.at(weights, ends[:, here], weight)
+    return (total / weights[:, None]).astype(np.float32)
 
 
 def _check(

@@ -1,0 +1,130 @@
+"""Every camera's rays against the formulas of its projection, written down independently in NumPy."""
+
+import numpy as np
+import pytest
+
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+import mitsuba as mi  # noqa: E402
+from pydantic import ValidationError  # noqa: E402
+
+from lightdepth.cameras import Equirectangular, Fisheye, Perspective  # noqa: E402
+from lightdepth.directions import look_at_rotation, pixel_directions  # noqa: E402
+
+
+def rays(camera, x, y, lens=(0.5, 0.5)):
+    """Origins (n, 3), directions (n, 3) and inside (n,) at film positions."""
+    x, y = np.broadcast_arrays(np.atleast_1d(x), np.atleast_1d(y))
+    film = mi.Point2f(x.astype(np.float32), y.astype(np.float32))
+    lens = mi.Point2f(*(np.broadcast_to(part, x.shape).astype(np.float32) for part in lens))
+    origin, direction, inside = camera.camera_rays(film, lens)
+    every = np.zeros((x.size, 3), np.float32)
+    return origin.numpy().T + every, direction.numpy().T + every, inside.numpy() & np.ones(x.size, bool)
+
+
+def film_grid(width, height):
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
+    return x.ravel(), y.ravel()
+
+
+def test_equirectangular_has_the_panoramas_layout():
+    camera = Equirectangular(type="equirectangular", width=64)
+    assert camera.resolution == (64, 32)
+    _, direction, inside = rays(camera, *film_grid(64, 32))
+    np.testing.assert_allclose(direction, pixel_directions(32, 64).reshape(-1, 3), atol=1e-6)
+    assert inside.all()
+
+
+@pytest.mark.parametrize("mapping", ["equidistant", "equisolid"])
+@pytest.mark.parametrize("fov", [90.0, 180.0, 220.0, 360.0])
+def test_fisheye_radius_and_angle(mapping, fov):
+    camera = Fisheye(type="fisheye", width=51, fov=fov, mapping=mapping)
+    x, y = film_grid(51, 51)
+    _, direction, inside = rays(camera, x, y)
+    right, up = 2 * x - 1, 1 - 2 * y
+    radius = np.hypot(right, up)
+    np.testing.assert_array_equal(inside, radius <= 1)
+    np.testing.assert_allclose(np.linalg.norm(direction, axis=1)[inside], 1, atol=1e-6)
+    theta = np.arctan2(np.hypot(direction[inside, 0], direction[inside, 2]), direction[inside, 1])
+    radius = radius[inside]
+    if mapping == "equidistant":
+        expected = radius * np.radians(fov) / 2
+    else:
+        # An image of a solid angle has an area in proportion to it: r^2 ~ 1 - cos(theta).
+        expected = np.arccos(1 - radius**2 * (1 - np.cos(np.radians(fov) / 2)))
+    np.testing.assert_allclose(theta, expected, atol=2e-3 if fov == 360.0 else 2e-4)
+    # To the right is +x and upward +z, all around.
+    off_axis = (radius > 0.05) & (radius < 0.95)
+    azimuth = np.arctan2(direction[inside, 2], direction[inside, 0])
+    expected_azimuth = np.arctan2(up[inside], right[inside])
+    turned = np.angle(np.exp(1j * (azimuth - expected_azimuth)))
+    assert np.abs(turned[off_axis]).max() < 1e-3
+
+
+def test_perspective_fov_is_horizontal_whatever_the_height():
+    for height in (20, 40, 80):
+        camera = Perspective(type="perspective", width=40, height=height, fov=70)
+        _, direction, _ = rays(camera, [0.0, 1.0, 0.5, 0.5], [0.5, 0.5, 0.0, 1.0])
+        left, right, top, bottom = direction
+        assert np.degrees(np.arctan2(right[0], right[1])) == pytest.approx(35, abs=1e-3)
+        assert np.degrees(np.arctan2(left[0], left[1])) == pytest.approx(-35, abs=1e-3)
+        half = np.tan(np.radians(35)) * height / 40
+        assert top[2] / top[1] == pytest.approx(half, rel=1e-5)
+        assert bottom[2] / bottom[1] == pytest.approx(-half, rel=1e-5)
+
+
+def test_shift_moves_the_image_and_keeps_its_plane():
+    plain = Perspective(type="perspective", width=40, height=30, fov=60)
+    shifted = Perspective(type="perspective", width=40, height=30, fov=60, shift=(0.25, -0.1))
+    x, y = film_grid(8, 6)
+    _, expected, _ = rays(plain, x + 0.25, y + 0.1 * 40 / 30)
+    _, direction, _ = rays(shifted, x, y)
+    np.testing.assert_allclose(direction, expected, atol=1e-6)
+
+
+def test_look_at_puts_the_target_in_the_middle_and_keeps_the_horizon():
+    position, target = np.array([1.0, -2.0, 1.5]), np.array([-0.5, 2.0, 0.3])
+    rotation = look_at_rotation(position, target)
+    forward = (target - position) / np.linalg.norm(target - position)
+    np.testing.assert_allclose(rotation @ [0, 1, 0], forward, atol=1e-9)
+    np.testing.assert_allclose(rotation.T @ rotation, np.eye(3), atol=1e-9)
+    assert abs((rotation @ [1, 0, 0])[2]) < 1e-9
+    assert (rotation @ [0, 0, 1])[2] > 0
+
+
+def test_depth_of_field_is_sharp_at_focus_and_blurs_by_the_circle_of_confusion():
+    aperture, focus = 0.05, 2.0
+    camera = Perspective(type="perspective", width=400, height=300, fov=60, aperture=aperture, focus_distance=focus)
+    generator = np.random.default_rng(1)
+    lens = generator.random((2, 4000))
+    x, y = 0.7, 0.4
+    origin, direction, _ = rays(camera, np.full(4000, x), y, lens)
+    sharp, _, _ = rays(camera, x, y, (0.5, 0.5))
+    assert np.hypot(origin[:, 0], origin[:, 2]).max() == pytest.approx(aperture, rel=0.01)
+    np.testing.assert_allclose(origin[:, 1], 0, atol=1e-7)
+    # Uniform over the lens: the mean squared radius of a disk is half of its square.
+    assert np.mean(origin[:, 0] ** 2 + origin[:, 2] ** 2) == pytest.approx(aperture**2 / 2, rel=0.05)
+    for distance in (0.5, 1.0, 2.0, 4.0, 50.0):
+        at = origin + direction * ((distance - origin[:, 1]) / direction[:, 1])[:, None]
+        spread = np.linalg.norm(at - at.mean(axis=0), axis=1).max()
+        circle = aperture * abs(distance - focus) / focus
+        assert spread == pytest.approx(circle, rel=0.06, abs=5e-5)
+    np.testing.assert_allclose(sharp, 0, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("camera", "settings"),
+    [
+        (Equirectangular, {"type": "equirectangular", "width": 33}),
+        (Fisheye, {"type": "fisheye", "width": 32, "fov": 361}),
+        (Fisheye, {"type": "fisheye", "width": 32, "mapping": "stereographic"}),
+        (Perspective, {"type": "perspective", "width": 32, "height": 32, "fov": 180}),
+        (Perspective, {"type": "perspective", "width": 32, "height": 32, "look_at": (0, 1, 0), "rotation": (0, 0, 0)}),
+        (Perspective, {"type": "perspective", "width": 32, "height": 32, "aperture": 0.1}),
+    ],
+)
+def test_impossible_cameras_are_refused(camera, settings):
+    with pytest.raises(ValidationError):
+        camera(**settings)

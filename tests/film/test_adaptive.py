@@ -1,0 +1,152 @@
+"""Where samples go, when they stop, and whether the estimated error is the real one."""
+
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lightdepth
+from lightdepth.api import begin_rendering
+from lightdepth.film.rendering import PILOT_SAMPLES
+from lightdepth.scene.model import Role
+from tests.transport.places import GREY, ball, lamp_image, room
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return room(lamp_image(128), [ball(GREY)])
+
+
+@pytest.fixture(scope="module")
+def seeds(scene):
+    """The same picture 24 times, with the same number of samples everywhere."""
+    return [lightdepth.render(scene, "view", samples=PILOT_SAMPLES, seed=seed) for seed in range(24)]
+
+
+@pytest.fixture(scope="module")
+def reference(scene):
+    return lightdepth.render(scene, "view", samples=3000, seed=77)
+
+
+def test_estimated_variance_is_the_spread_over_seeds(seeds):
+    """Stratified samples spread a little less than independent ones, for which the estimate is made."""
+    pictures = np.stack([frame.beauty for frame in seeds]).astype(np.float64)
+    spread = pictures.var(axis=0, ddof=1).mean(axis=2)
+    estimated = np.mean([frame.variance for frame in seeds], axis=(0, 3))
+    changed = spread > 0
+    covered = seeds[0].coverage == 1
+    for where in (changed & covered, changed & ~covered):
+        # Trimmed, because a few fireflies hold most of the plain sum.
+        few = np.quantile(spread[where], 0.98)
+        where = where & (spread < few)
+        assert 0.4 < spread[where].sum() / estimated[where].sum() < 1.25
+
+
+def test_samples_go_where_the_error_is(scene):
+    frame = lightdepth.render(scene, "view", samples=64)
+    assert frame.samples.mean() == pytest.approx(64, rel=0.05)
+    assert frame.samples.min() >= PILOT_SAMPLES
+    per_sample = np.sqrt(frame.variance.mean(axis=2) * frame.samples)
+    noisy = per_sample > np.quantile(per_sample, 0.9)
+    quiet = per_sample < np.quantile(per_sample, 0.5)
+    assert frame.samples[noisy].mean() > 2 * frame.samples[quiet].mean()
+
+
+def test_adaptive_sampling_needs_fewer_samples_for_an_error(scene, seeds, reference):
+    """Pictures of uniform sampling are averaged to the same number of samples as adaptive ones have."""
+    floor = 0.1 * np.median(reference.plate)
+
+    def error(picture):
+        relative = (picture - reference.beauty).mean(axis=2) / (reference.beauty.mean(axis=2) + floor)
+        return np.minimum(np.abs(relative), 0.5)
+
+    uniform, adaptive = [], []
+    for group in range(6):
+        uniform.append(
+            np.mean(error(np.mean([frame.beauty for frame in seeds[4 * group : 4 * group + 4]], axis=0)) ** 2)
+        )
+        frame = lightdepth.render(scene, "view", samples=64, seed=100 + group)
+        adaptive.append(np.mean(error(frame.beauty) ** 2))
+    saved = np.mean(uniform) / np.mean(adaptive)
+    print(f"uniform sampling needs {saved:.2f} times the samples")
+    assert saved > 1.1
+
+
+def test_noise_stops_near_its_target_and_counts_samples_truly(scene):
+    target = 0.03
+    rendering = begin_rendering(scene, "view", seed=5)
+    steps = list(rendering.run(4096, target))
+    assert steps[-1].fraction == 1.0
+    assert 0.5 * target < steps[-1].error < 1.3 * target
+    assert PILOT_SAMPLES <= steps[-1].samples < 2048
+    frame = rendering.frame(auxiliary=False)
+    assert frame.samples.max() <= 4096 + 4
+    assert frame.samples.mean() == pytest.approx(steps[-1].samples, rel=1e-3)
+    looser = begin_rendering(scene, "view", seed=5)
+    assert list(looser.run(4096, 0.1))[-1].samples < 0.5 * steps[-1].samples
+
+
+def test_progress_costs_little(scene):
+    rendering = begin_rendering(scene, "pano", seed=1)
+    in_error = 0.0
+    error = rendering.error
+
+    def timed():
+        nonlocal in_error
+        began = time.perf_counter()
+        result = error()
+        in_error += time.perf_counter() - began
+        return result
+
+    rendering.error = timed
+    began = time.perf_counter()
+    fractions = [step.fraction for step in rendering.run(256)]
+    whole = time.perf_counter() - began
+    assert fractions == sorted(fractions)
+    assert in_error < 0.15 * whole
+
+
+def test_a_frame_in_between_does_not_disturb_the_rest(scene):
+    watched, plain = (begin_rendering(scene, "view", seed=9) for _ in range(2))
+    for _ in watched.run(32):
+        watched.frame(auxiliary=False)
+    list(plain.run(32))
+    assert watched.frame().beauty.tobytes() == plain.frame(finish=True).beauty.tobytes()
+
+
+def test_indirect_light_is_held_to_the_clamp():
+    """A tiny lamp before a mirror ball makes fireflies on a rough floor; the clamp holds them, and is in the header."""
+    scene = room(lamp_image(128), [ball(GREY)], role=Role.SUPPORT)
+    clamped = replace(scene, render=replace(scene.render, clamp_indirect=1e-6))
+    direct = replace(scene, render=replace(scene.render, max_bounces=1))
+    first = lightdepth.render(clamped, "view", samples=256, seed=1)
+    second = lightdepth.render(direct, "view", samples=256, seed=1)
+    # Nothing but direct light is left.
+    seen = first.coverage == 1
+    assert first.beauty[seen].mean() == pytest.approx(second.beauty[seen].mean(), rel=0.02)
+    rendering = begin_rendering(clamped, "view")
+    list(rendering.run(1))
+    assert float(rendering.metadata("difference")["clamp_indirect"]) == 1e-6
+
+
+MEMORY = """
+import resource, sys
+import lightdepth
+from tests.transport.places import GREY, ball, lamp_image, room
+scene = room(lamp_image(256), [ball(GREY)])
+lightdepth.render(scene, "pano", samples=2)
+peaks = []
+for samples in (64, 1024):
+    lightdepth.render(scene, "pano", samples=samples)
+    peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+print(*peaks)
+"""
+
+
+def test_memory_does_not_grow_with_the_samples():
+    run = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, check=True)
+    few, many = map(float, run.stdout.split())
+    assert many < few + 80.0, f"{few:.0f} MB with 64 samples, {many:.0f} MB with 1024"

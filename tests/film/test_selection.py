@@ -1,0 +1,104 @@
+"""Which pixels are sampled: none that the new objects influence may be missing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lightdepth
+from lightdepth.api import begin_rendering
+from lightdepth.directions import euler_rotation
+from lightdepth.film import rendering as rendering_module
+from lightdepth.scene.materials import Diffuse, Emitter
+from lightdepth.scene.model import AnalyticShape, Role, SyntheticObject, SyntheticPart
+from tests.transport.places import GREY, ball, lamp_image, room
+
+GLOW = Emitter(type="emitter", radiance=(30.0, 30.0, 30.0))
+
+
+def box(center, size, material=GREY, turn=(0, 0, 0)):
+    to_world = np.eye(4)
+    to_world[:3, :3] = euler_rotation(turn) @ np.diag(np.asarray(size) / 2)
+    to_world[:3, 3] = center
+    return SyntheticObject("box", (SyntheticPart(AnalyticShape("cube", to_world), material),))
+
+
+OBJECTS = {
+    "a thin pole": box((0.3, 2.0, 1.0), (0.004, 0.004, 1.9)),
+    "a thin slanted pole": box((0.1, 1.5, 1.2), (0.003, 0.003, 2.2), turn=(0, 50, 20)),
+    "a tiny far ball": ball(GREY, (1.9, 2.6, 2.2), 0.006),
+    "a ball that hangs": ball(GREY, (0.4, 1.4, 2.2), 0.15),
+    "a ball above the camera": ball(GREY, (0.2, -0.3, 2.4), 0.1),
+    "a ball below the camera": ball(GREY, (0.25, -0.2, 0.05), 0.05),
+    "a ball on the panorama's edge": ball(GREY, (0.35, -2.0, 1.0), 0.05),
+    "a lamp": ball(GLOW, (1.5, -1.5, 2.0), 0.03),
+}
+
+
+def every_pixel(view, prepared):
+    width, height = view.camera.resolution
+    return np.arange(width * height, dtype=np.uint32)
+
+
+SEEN_BY = {
+    "pano": list(OBJECTS),
+    "dome": ["a thin pole", "a ball that hangs"],
+    "view": ["a thin pole", "a thin slanted pole", "a tiny far ball"],
+}
+
+
+@pytest.mark.parametrize(("camera", "name"), [(camera, name) for camera, names in SEEN_BY.items() for name in names])
+def test_nothing_is_missed(name, camera, monkeypatch):
+    """Against a picture for which every pixel was sampled, the walls being environment."""
+    scene = room(lamp_image(128), [OBJECTS[name]], role=Role.ENVIRONMENT)
+    chosen = begin_rendering(scene, camera, seed=1)
+    monkeypatch.setattr(rendering_module, "influenced_pixels", every_pixel)
+    reference = begin_rendering(scene, camera, seed=1)
+    for rendering in (chosen, reference):
+        list(rendering.run(16))
+    full, sampled = reference.frame(), np.zeros(reference.plate.shape[:2], bool)
+    sampled.reshape(-1)[chosen.pixels] = True
+    touched = (full.coverage != 0) | (full.change != 0).any(axis=2) | (full.synthetic != 0).any(axis=2)
+    assert not (touched & ~sampled).any()
+    assert (full.object_id == 0)[~sampled].all()
+    if camera != "dome":
+        assert sampled.mean() < 0.8
+
+
+def test_support_is_sampled_everywhere_and_environment_nowhere():
+    scene = room(lamp_image(64), [ball(GREY)])
+    support = begin_rendering(scene, "pano")
+    assert len(support.pixels) == 64 * 32
+    environment = begin_rendering(replace(room(lamp_image(64), [], role=Role.ENVIRONMENT)), "pano")
+    assert len(environment.pixels) == 0
+    assert list(environment.run(16))[-1].fraction == 1.0
+
+
+@pytest.mark.parametrize("corner", [(-1, -1), (1, 1)])
+def test_an_object_in_the_images_corner_is_found(corner):
+    view = room(1.0).cameras["view"]
+    half = np.tan(np.radians(view.camera.fov / 2))
+    x, z = corner[0] * half * 0.99, corner[1] * half * 0.985 * 32 / 48
+    center = view.position + view.rotation @ (np.array([x, 1.0, z]) * 0.8)
+    thing = ball(Diffuse(type="diffuse", color=(0.1, 0.1, 0.1)), center, 0.01)
+    frame = lightdepth.render(room(1.0, [thing], role=Role.ENVIRONMENT), "view", samples=16)
+    assert (frame.coverage > 0).any()
+
+
+def test_the_panoramas_seam_is_nowhere():
+    """A place turned by half a circle gives the same picture, moved by half its width."""
+    image = np.full((64, 128, 3), 0.5, np.float32)
+    image[20:24, 30:40] = 20.0
+    things = [ball(GREY, (0.2, -2.0, 0.4), 0.4)]
+    pictures = []
+    for heading, shift in ((0.0, 0), (180.0, 64)):
+        scene = room(np.roll(image, shift, axis=1), things, rotation=(0, 0, heading))
+        frame = lightdepth.render(scene, "pano", samples=256)
+        pictures.append((np.roll(frame.beauty, -shift, axis=1), np.roll(frame.variance, -shift, axis=1)))
+    (one, variance), (other, more) = pictures
+    z = (one - other) / np.sqrt(variance + more + 1e-12)
+    differs = (variance > 0) & (more > 0)
+    assert differs.mean() > 0.3
+    assert np.mean(np.abs(z[differs]) > 4) < 0.005
+    assert np.abs(z[differs].mean()) < 0.05
+    assert one.mean() == pytest.approx(other.mean(), rel=0.005)

@@ -1,0 +1,265 @@
+"""What users see of the transport, end to end, against closed forms and identities."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import lightdepth
+from lightdepth.cameras import Perspective
+from lightdepth.directions import direction_to_latlong, look_at_rotation, pixel_directions
+from lightdepth.scene.materials import Diffuse, Emitter, Principled
+from lightdepth.scene.meshes import read_mesh_file
+from lightdepth.scene.meshes.geometry import transformed
+from lightdepth.scene.model import (
+    AnalyticShape,
+    CameraView,
+    Gloss,
+    Mesh,
+    RealSurface,
+    Role,
+    SyntheticObject,
+    SyntheticPart,
+)
+from tests.scene.gltf_writer import gltf_document, write_glb
+from tests.transport.places import CAPTURE, GREY, HIGH, LOW, ball, box_depth, lamp_image, room
+from tests.transport.test_irradiance import corner_factor
+
+FLOOR_RADIANCE = 0.2
+"""Of the floor in walls of radiance 1: its albedo is 0.2 then, for E = pi."""
+DOWN = Perspective(type="perspective", width=40, height=40, fov=70)
+
+
+def floor_and_walls(image=None, rest=None, gloss=None, bump=None, objects=(), **settings):
+    """A box with a floor of its own: support, a fine grid where it has rest positions; the walls are environment."""
+    if image is None:
+        directions = pixel_directions(128, 256)
+        at = CAPTURE + directions * box_depth(directions)[..., None]
+        image = np.where(at[..., 2:] < 1e-6, FLOOR_RADIANCE, 1.0) * np.ones(3)
+    scene = room(image, objects, rotation=(0, 0, 0), **settings)
+    box = scene.real[0].mesh
+    on_floor = (box.vertices[box.faces][:, :, 2] == LOW[2]).all(axis=1)
+    floor = Mesh(box.vertices, box.faces[on_floor])
+    if rest is not None:
+        floor = grid_floor()
+        flat = floor.vertices
+        bulged = flat if bump is None else flat + np.float32([0, 0, 1]) * bump(flat)[:, None].astype(np.float32)
+        floor = Mesh(bulged, floor.faces, rest=rest(flat).astype(np.float32))
+    real = (
+        RealSurface("floor", floor, Role.SUPPORT, gloss),
+        RealSurface("walls", Mesh(box.vertices, box.faces[~on_floor]), Role.ENVIRONMENT),
+    )
+    straight_down = look_at_rotation(CAPTURE, CAPTURE - [0, 1e-6, 1])
+    cameras = {**scene.cameras, "down": CameraView(DOWN, CAPTURE, straight_down)}
+    return replace(scene, real=real, cameras=cameras)
+
+
+def grid_floor(count=40):
+    x, y = np.meshgrid(np.linspace(LOW[0], HIGH[0], count + 1), np.linspace(LOW[1], HIGH[1], count + 1))
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], axis=1).astype(np.float32)
+    a = (np.arange(count)[:, None] * (count + 1) + np.arange(count)).ravel()
+    faces = np.concatenate([np.stack([a, a + 1, a + count + 2], 1), np.stack([a, a + count + 2, a + count + 1], 1)])
+    return Mesh(vertices, faces.astype(np.int32))
+
+
+def seen_points(scene, camera="down"):
+    """Where on the floor the camera's pixel centres look, shape (height, width, 3)."""
+    view = scene.cameras[camera]
+    width, height = view.camera.resolution
+    half = np.tan(np.radians(view.camera.fov / 2))
+    x = half * (2 * (np.arange(width) + 0.5) / width - 1)
+    z = half * (1 - 2 * (np.arange(height) + 0.5) / height) * height / width
+    local = np.stack(np.broadcast_arrays(x[None, :], 1.0, z[:, None]), axis=-1)
+    direction = local @ view.rotation.T
+    return view.position - direction * (view.position[2] / direction[..., 2])[..., None]
+
+
+def flat(low, high, z, material, down=True):
+    """A horizontal rectangle between two corners (x, y)."""
+    low, high = np.asarray(low, float), np.asarray(high, float)
+    to_world = np.eye(4)
+    to_world[:3, :3] = np.diag([*(high - low) / 2, 1.0]) @ np.diag([1, -1, -1] if down else [1, 1, 1])
+    to_world[:3, 3] = [*(low + high) / 2, z]
+    return SyntheticObject("sheet", (SyntheticPart(AnalyticShape("rectangle", to_world), material),))
+
+
+def form_factor(points, low, high, z):
+    """Of a horizontal rectangle above upward points."""
+
+    def to(x, y):
+        return np.sign(x) * np.sign(y) * corner_factor(np.abs(x), np.abs(y), z - points[..., 2])
+
+    x0, y0 = low[0] - points[..., 0], low[1] - points[..., 1]
+    x1, y1 = high[0] - points[..., 0], high[1] - points[..., 1]
+    return to(x1, y1) - to(x0, y1) - to(x1, y0) + to(x0, y0)
+
+
+LAMP = np.array([-0.1, 0.1]), np.array([0.7, 0.5]), 2.2
+
+
+def check_lamp_on_floor(thing, radiance, tolerance):
+    """The lamp replaces the walls' radiance 1 behind it, so that the floor changes by albedo (L - 1) F."""
+    scene = floor_and_walls(objects=[thing])
+    change = lightdepth.render(scene, "down", samples=128).change.mean(axis=2)
+    points = seen_points(scene)
+    expected = FLOOR_RADIANCE * (radiance - 1) * form_factor(points, *LAMP)
+    inner = (np.abs(points[..., :2] - CAPTURE[:2]) < 0.8).all(axis=-1)
+    assert change[inner].mean() == pytest.approx(expected[inner].mean(), rel=tolerance)
+    blocks = (change / expected).reshape(8, 5, 8, 5).mean(axis=(1, 3))
+    np.testing.assert_allclose(blocks[1:-1, 1:-1], 1.0, atol=0.06)
+
+
+def test_a_synthetic_lamp_lights_the_real_floor_as_the_closed_form_says():
+    check_lamp_on_floor(flat(*LAMP, Emitter(type="emitter", radiance=(40.0, 40.0, 40.0))), 40.0, 0.02)
+
+
+def test_an_emissive_gltf_lights_the_real_floor_just_so(tmp_path):
+    material = {
+        "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "roughnessFactor": 1.0},
+        "emissiveFactor": [1.0, 1.0, 1.0],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 40.0}},
+    }
+    document = gltf_document(material=material, extensionsUsed=["KHR_materials_emissive_strength"])
+    write_glb(tmp_path / "lamp.glb", document)
+    low, high, z = LAMP
+    to_world = np.eye(4)
+    to_world[:3, :3] = np.diag([*(high - low) / 2, 1.0]) @ np.diag([1, -1, -1])
+    to_world[:3, 3] = [*(low + high) / 2, z]
+    parts = [
+        SyntheticPart(transformed(part.mesh, to_world), part.material)
+        for part in read_mesh_file(tmp_path / "lamp.glb", with_materials=True)
+    ]
+    check_lamp_on_floor(SyntheticObject("lamp", tuple(parts)), 40.0, 0.03)
+
+
+def shadow(opacity):
+    sheet = Principled(base_color=(0, 0, 0), roughness=1.0, opacity=opacity)
+    scene = floor_and_walls(objects=[flat((-0.2, 0.4), (0.6, 1.2), 0.5, sheet)], max_bounces=1)
+    frame = lightdepth.render(scene, "down", samples=256)
+    free = frame.coverage == 0
+    return np.where(free[..., None], frame.change, 0.0).sum(), frame
+
+
+def test_a_blended_sheet_casts_half_a_shadow():
+    opaque, covered = shadow(1.0)
+    half, blended = shadow(0.5)
+    assert opaque < -5
+    assert half == pytest.approx(0.5 * opaque, rel=0.03)
+    inside = covered.coverage == 1
+    assert blended.coverage[inside].mean() == pytest.approx(0.5, abs=0.02)
+    none, _ = shadow(1e-6)
+    assert abs(none) < 0.02 * abs(opaque)
+
+
+def test_a_surface_at_its_rest_position_is_the_photograph():
+    scene = floor_and_walls(rest=lambda vertices: vertices, max_bounces=1)
+    frame = lightdepth.render(scene, "down", samples=64)
+    assert frame.coverage.mean() == pytest.approx(1.0)
+    assert frame.beauty.mean() == pytest.approx(FLOOR_RADIANCE, rel=0.01)
+    blocks = frame.beauty.reshape(8, 5, 8, 5, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(blocks, FLOOR_RADIANCE, rtol=0.05)
+
+
+def side_light():
+    """Grey floor, dim walls, a bright window in the wall at +x."""
+    directions = pixel_directions(128, 256)
+    at = CAPTURE + directions * box_depth(directions)[..., None]
+    image = np.where(at[..., 2:] < 1e-6, 0.2, 0.1) * np.ones(3)
+    image[(at[..., 0] > HIGH[0] - 1e-6) & (at[..., 2] > 0.5)] = 8.0
+    red = (at[..., 2] < 1e-6) & (at[..., 0] < -0.2) & (at[..., 1] < -0.5)
+    image[red] = [0.2, 0.05, 0.05]
+    return image
+
+
+def test_a_bulge_is_bright_toward_the_window_and_dark_away_from_it():
+    def bump(vertices):
+        radius = np.hypot(vertices[:, 0] - 0.4, vertices[:, 1] - 0.2)
+        return 0.25 * np.exp(-((radius / 0.25) ** 2))
+
+    scene = floor_and_walls(side_light(), rest=lambda vertices: vertices, bump=bump)
+    frame = lightdepth.render(scene, "down", samples=64)
+    points = seen_points(scene)
+    x, y = points[..., 0] - 0.4, points[..., 1] - 0.2
+    toward = (x > 0.1) & (x < 0.3) & (np.abs(y) < 0.15)
+    away = (x < -0.1) & (x > -0.3) & (np.abs(y) < 0.15)
+    apart = np.hypot(x, y) > 0.55
+    luminance = frame.beauty.mean(axis=2)
+    assert luminance[toward].mean() > 1.15 * luminance[apart & (x > 0)].mean()
+    assert luminance[away].mean() < 0.85 * luminance[apart & (x < 0)].mean()
+
+
+def test_retexturing_takes_colour_from_elsewhere():
+    scene = floor_and_walls(side_light(), rest=lambda vertices: vertices - np.float32([1.2, 1.6, 0]))
+    frame = lightdepth.render(scene, "down", samples=32)
+    points = seen_points(scene)
+    red = (points[..., 0] < 0.8) & (points[..., 1] < 0.9)
+    ratio = frame.beauty[..., 1] / frame.beauty[..., 0]
+    assert np.median(ratio[red]) == pytest.approx(0.25, rel=0.1)
+    plain = (points[..., 0] > 1.2) | (points[..., 1] > 1.3)
+    assert np.median(ratio[plain]) == pytest.approx(1.0, rel=0.1)
+
+
+def test_coloured_lamps_cast_coloured_shadows():
+    directions = pixel_directions(128, 256)
+    image = np.full((128, 256, 3), 0.1)
+    lamps = {"red": np.array([-0.9, 0.3, 0.3]), "green": np.array([0.9, 0.3, 0.3])}
+    for index, toward in enumerate(lamps.values()):
+        image[directions @ (toward / np.linalg.norm(toward)) > 0.997] = np.eye(3)[index] * 200
+    middle = np.array([0.2, 1.0, 0.5])
+    scene = floor_and_walls(image, objects=[ball(GREY, middle, 0.2)])
+    change = lightdepth.render(scene, "pano", samples=256).change
+    for own, toward in enumerate(lamps.values()):
+        toward = toward / np.linalg.norm(toward)
+        lamp = CAPTURE + toward * box_depth(toward)
+        at = middle + (middle - lamp) * (middle[2] / (lamp[2] - middle[2]))
+        u, v = direction_to_latlong(at - CAPTURE)
+        column, row = int(u * 256), int(v * 128)
+        shadow = change[row - 1 : row + 2, column - 1 : column + 2].mean(axis=(0, 1))
+        assert shadow[own] < 0
+        assert abs(shadow[1 - own]) < 0.2 * abs(shadow[own])
+
+
+def test_a_glossy_floor_mirrors_a_lamp_at_the_mirrored_place():
+    where = np.array([0.5, 1.2, 0.9])
+    lamp = ball(Emitter(type="emitter", radiance=(300.0, 300.0, 300.0)), where, 0.08)
+    image = np.full((128, 256, 3), 0.2)
+    mirrored = lightdepth.render(floor_and_walls(image, gloss=Gloss(0.05, 1.0), objects=[lamp]), "pano", samples=64)
+    plain = lightdepth.render(floor_and_walls(image, objects=[lamp]), "pano", samples=64)
+    reflection = (mirrored.change - plain.change).mean(axis=2)
+    row, column = np.unravel_index(np.argmax(reflection), reflection.shape)
+    u, v = direction_to_latlong(where * [1, 1, -1] - CAPTURE)
+    assert abs(column + 0.5 - 256 * u) < 2
+    assert abs(row + 0.5 - 128 * v) < 2
+    # Schlick's reflectance of the lamp at that angle.
+    cosine = abs((where * [1, 1, -1] - CAPTURE)[2]) / np.linalg.norm(where * [1, 1, -1] - CAPTURE)
+    reflectance = 0.08 + 0.92 * (1 - cosine) ** 5
+    directions = pixel_directions(128, 256)
+    near = directions @ ((where * [1, 1, -1] - CAPTURE) / np.linalg.norm(where * [1, 1, -1] - CAPTURE)) > np.cos(0.12)
+    solid_angle = np.sin(np.arccos(directions[..., 2])) * (np.pi / 128) ** 2
+    found = (reflection * solid_angle)[near].sum()
+    distance = np.linalg.norm(where * [1, 1, -1] - CAPTURE)
+    expected = 300 * reflectance * np.pi * (0.08 / distance) ** 2
+    assert found == pytest.approx(expected, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "position", [(0.3, 1.2, 0.4), (8.0, 0.0, 1.0), (0.0, 0.0, -3.0), tuple(CAPTURE * [1, 1, 0])], ids=str
+)
+def test_a_camera_in_a_strange_place_gives_a_picture(position):
+    """Inside the object, outside the room, under the floor, on the floor."""
+    scene = room(lamp_image(64), [ball(GREY)])
+    view = CameraView(scene.cameras["view"].camera, np.array(position), scene.cameras["view"].rotation)
+    frame = lightdepth.render(replace(scene, cameras={"strange": view}), "strange", samples=4)
+    assert np.isfinite(frame.beauty).all()
+    assert np.isfinite(frame.variance).all()
+
+
+def test_many_objects_of_all_kinds_are_told_apart():
+    things = [
+        replace(ball(Diffuse(type="diffuse", color=(0.5, 0.5, 0.5)), (-1.2 + 0.5 * i, 1.5, 0.2), 0.2), name=f"ball {i}")
+        for i in range(5)
+    ]
+    scene = room(0.5, things)
+    frame = lightdepth.render(scene, "view", samples=1)
+    assert set(np.unique(frame.object_id)) == {0, 1, 2, 3, 4, 5}
+    assert frame.object_names == tuple(f"ball {i}" for i in range(5))
