@@ -243,8 +243,8 @@ def test_what_each_step_of_the_whole_way_costs(tmp_path, capsys):
     panorama = room.trace(room.panorama_view(width), 64, seed=2).mean.astype(np.float32)
     scenes: dict[str, Scene] = {}
     for name in ("clicked layout", "clicked pose and layout", "merged brackets", "stitched fisheye photographs"):
-        folder = tmp_path / name.split()[-1] / name.split()[0]
-        folder.mkdir(parents=True)
+        folder = tmp_path / name
+        folder.mkdir()
         image, light_to_world, found_width = folder / "room.exr", euler_rotation(room.ROTATION), width
         if name.startswith("clicked"):
             write_radiance(image, panorama)
@@ -270,11 +270,11 @@ def test_what_each_step_of_the_whole_way_costs(tmp_path, capsys):
         "walls and ceiling are environment": exact(first, panorama, room.true_surfaces(["floor", "rug"])),
         **scenes,
     }
-    errors = {name: compare(scene, truth, 256) for name, scene in scenes.items()}
-    with capsys.disabled():
-        print()
-        for name, found in errors.items():
-            print(f"{name}: {found}")
+    errors = {}
+    for name, scene in scenes.items():
+        errors[name] = compare(scene, truth, 256)
+        with capsys.disabled():
+            print(f"\n{name}: {errors[name]}", end="", flush=True)
     exact_errors = errors["all is exact, all surfaces are support"]
     assert abs(exact_errors.objects) < 0.01
     assert abs(exact_errors.shadow) < 0.01

@@ -35,8 +35,12 @@ def main() -> None:
     save("demo-dome", picture, 560)
     before, after = tone_map(view.plate, exposure), tone_map(view.beauty, exposure)
     save("demo-before-after", side_by_side(crop(before), crop(after)), 1000)
-    layers = [view.plate, 0.18 * 2.0**-exposure + view.change, view.synthetic]
-    save("demo-layers", side_by_side(*(crop(tone_map(np.maximum(layer, 0), exposure)) for layer in layers)), 1200)
+    grey = 0.5 + 0.7 * view.change / np.median(view.plate)
+    change = np.rint(255 * np.clip(grey, 0, 1)).astype(np.uint8)
+    layers = (before, change, tone_map(view.synthetic, exposure))
+    save("demo-layers", side_by_side(*map(crop, layers)), 1200)
+    if "--demo-only" in sys.argv:
+        return
 
     scene = lightdepth.load_scene(SCENE)
     posed = scene.cameras["view"]
