@@ -52,7 +52,7 @@ blender-setup: .venv-bpy45/installed .venv-bpy50/installed
 
 # Needs `uv`; writes hashes and no registry's address.
 lock:
-	uv pip compile pyproject.toml --all-extras --group dev --universal --python-version 3.11 \
+	uv pip compile pyproject.toml --all-extras --group dev --group bench --universal --python-version 3.11 \
 	  --generate-hashes --no-emit-index-url --no-header -q -o requirements.lock
 
 clean:
