@@ -54,6 +54,7 @@ class _Writer:
     notes: dict[str, None] = field(default_factory=dict)
     written: dict[tuple, str] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
+    taken: list[tuple[Path, bpy.types.Mesh]] = field(default_factory=list)
 
     def note(self, *sentences: str) -> None:
         self.notes |= dict.fromkeys(sentences)
@@ -124,24 +125,33 @@ class _Writer:
         if placement is None:
             key += tuple(value for row in to_world for value in row)
         if key not in self.written:
-            self.written[key] = self._write_synthetic(item, to_world if placement is None else None)
+            self.written[key] = self._take_synthetic(item, to_world if placement is None else None)
         if self.written[key]:
             self.synthetic.append({"name": self.unique(item.name), "mesh": self.written[key], **(placement or {})})
 
-    def _write_synthetic(self, item, baked: Matrix | None) -> str:
-        mesh = bpy.data.meshes.new_from_object(item, preserve_all_data_layers=True, depsgraph=self.depsgraph)
-        try:
-            if not mesh.polygons:
-                return ""
-            if baked is not None:
-                mesh.transform(baked)
-                if baked.determinant() < 0.0:
-                    mesh.flip_normals()
-            path = self.new_file(f"{item.name}_{len(self.written)}", ".glb")
-            self.note(*materials.write_synthetic(path, mesh, self.depsgraph))
-        finally:
+    def _take_synthetic(self, item, baked: Matrix | None) -> str:
+        """Keep the surfaces of an evaluated object for :meth:`write_synthetic`; returns the file's relative path."""
+        mesh = bpy.data.meshes.new_from_object(item)  # given a depsgraph, 4.2 crashes on texts and curves
+        if not mesh.polygons:
             bpy.data.meshes.remove(mesh)
+            return ""
+        if baked is not None:
+            mesh.transform(baked)
+            if baked.determinant() < 0.0:
+                mesh.flip_normals()
+        path = self.new_file(f"{item.name}_{len(self.written)}", ".glb")
+        self.taken.append((path, mesh))
         return self.relative(path)
+
+    def write_synthetic(self) -> None:
+        """Write what was taken; not while Blender goes through its objects, as its exporter changes the scenes."""
+        for path, mesh in self.taken:
+            self.note(*materials.write_synthetic(path, mesh, self.depsgraph))
+
+    def release(self) -> None:
+        """Take the meshes out of Blender's data again."""
+        for _, mesh in self.taken:
+            bpy.data.meshes.remove(mesh)
 
 
 def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
@@ -225,8 +235,12 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path) -> Exported:
     require_panorama(scene.lightdepth)
     writer = _Writer(depsgraph, path.parent, path.with_name(f"{path.stem}_meshes"))
     document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
-    for item, to_world, by_instancing in _instances(depsgraph):
-        writer.add(item, to_world, by_instancing)
+    try:
+        for item, to_world, by_instancing in _instances(depsgraph):
+            writer.add(item, to_world, by_instancing)
+        writer.write_synthetic()
+    finally:
+        writer.release()
     if not writer.real:
         raise ExportError(
             "No real surface is modelled: add a room or a floor, and give it the role support or environment"

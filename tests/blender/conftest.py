@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -48,7 +49,8 @@ class Blender:
             check=False,
         )
         answers = [line for line in done.stdout.splitlines() if line.startswith(ANSWER)]
-        assert done.returncode == 0, done.stdout + done.stderr
+        # bpy 4.2 crashes when Python ends, whatever was registered: it has answered by then.
+        assert done.returncode in (0, -signal.SIGSEGV), done.stdout + done.stderr
         assert answers, done.stdout + done.stderr
         return json.loads(answers[-1].removeprefix(ANSWER))
 
