@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from lightdepth.capture.lens import PROJECTIONS, Lens
-from lightdepth.capture.project import read_project
+from lightdepth.capture.project import angle_between, read_project
 from lightdepth.capture.rig import Rig
 from lightdepth.errors import LightdepthError, SetupError
 
@@ -19,6 +19,9 @@ PACKAGES = {"enblend": "enblend"}
 """Debian packages of the tools; those not named are in ``hugin-tools``."""
 
 ALIGNMENT_TOOLS = ("pto_gen", "pto_var", "cpfind", "cpclean", "autooptimiser", "pano_modify")
+
+RIG_TOLERANCE = 12.0
+"""How far the camera may stand from where the rig says, in degrees, field of view included."""
 
 LENS_VARIABLES = "v,a,b,c,d,e"
 
@@ -92,7 +95,7 @@ def find_poses(
     run("pto_gen", "-o", "images.pto", "-p", str(number), "-f", f"{fov:.6f}", "-s", "1", *images, folder=folder)
     project = "images.pto"
     if circular:
-        project = _edit(folder, project, "circle.pto", "--crop=100%,100%")
+        project = _edit(folder, project, "circle.pto", "--crop=96%,96%")
     if rig is not None:
         poses = ",".join(f"y{i}={yaw},p{i}={pitch},r{i}={roll}" for i, (yaw, pitch, roll) in enumerate(rig))
         project = _edit(folder, project, "rig.pto", f"--set={poses}")
@@ -104,7 +107,8 @@ def find_poses(
     strategy = "--prealigned" if rig is not None else "--multirow"
     run("cpfind", strategy, "--sieve2size", "3", "-o", "matched.pto", project, folder=folder)
     progress("cleaning control points")
-    project = _clean(folder, "matched.pto")
+    project = "matched.pto" if rig is None else _near_the_rig(folder, "matched.pto", "likely.pto")
+    project = _clean(folder, project)
     progress("lens and poses")
     if rig is None:
         # Pairwise from the first photograph on, then all poses and the field of view as far as the points allow.
@@ -138,6 +142,16 @@ def _plausible(lens: Lens, expected_fov: float) -> bool:
 
 def _edit(folder: Path, project: str, result: str, change: str) -> str:
     run("pto_var", change, "-o", result, project, folder=folder)
+    return result
+
+
+def _near_the_rig(folder: Path, project: str, result: str) -> str:
+    """The project without control points that the rig's orientations make impossible."""
+    lines = (folder / project).read_text().splitlines(keepends=True)
+    lenses, points = read_project(folder / project)
+    likely = iter(angle_between(lenses, point) < RIG_TOLERANCE for point in points)
+    kept = [line for line in lines if not line.startswith("c ") or next(likely)]
+    (folder / result).write_text("".join(kept))
     return result
 
 

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from lightdepth.capture.lens import PROJECTIONS, Lens
 from lightdepth.errors import LightdepthError
@@ -57,6 +60,21 @@ def read_project(path: Path) -> tuple[list[Lens], list[ControlPoint]]:
         return [_lens(values) for values in lenses], points
     except KeyError as error:
         raise LightdepthError(f"{path}: Hugin's project file lacks or has an unknown value: {error}") from error
+
+
+def angle_between(lenses: Sequence[Lens], point: ControlPoint, offset: float = 0.5) -> float:
+    """Angle in degrees between the directions in which two photographs show a control point.
+
+    Args:
+        lenses: lenses and poses of all photographs.
+        point: the control point.
+        offset: added to its pixels; Hugin counts from the centre of the first pixel, lenses from its corner.
+    """
+    first, second = (
+        lenses[image].unproject(x + offset, y + offset)
+        for image, (x, y) in zip(point.images, (point.first, point.second), strict=True)
+    )
+    return float(np.degrees(2.0 * np.arcsin(min(float(np.linalg.norm(first - second)) / 2.0, 1.0))))
 
 
 def _lens(values: dict[str, float]) -> Lens:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lightdepth.capture.lens import Lens
 from lightdepth.capture.merging import Merged
 from lightdepth.capture.photometry import half_diagonals
-from lightdepth.capture.project import ControlPoint
+from lightdepth.capture.project import ControlPoint, angle_between
 from lightdepth.capture.shoot import Shoot
 from lightdepth.capture.stitching import Stitched
 from lightdepth.directions import pixel_solid_angles
@@ -116,12 +116,7 @@ def warnings_of(shoot: Shoot, stitched: Stitched) -> list[str]:
 
 def control_point_errors(lenses: list[Lens], points: list[ControlPoint]) -> NDArray[np.float64]:
     """Angle in degrees between the two directions of each control point, shape (points,)."""
-    angles = []
-    for point in points:
-        first = lenses[point.images[0]].unproject(*point.first)
-        second = lenses[point.images[1]].unproject(*point.second)
-        angles.append(np.degrees(2.0 * np.arcsin(np.minimum(np.linalg.norm(first - second) / 2.0, 1.0))))
-    return np.array(angles, dtype=np.float64)
+    return np.array([angle_between(lenses, point, offset=0.0) for point in points], dtype=np.float64)
 
 
 def write_report(path: Path, report: dict[str, Any]) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from lightdepth.capture import hugin, seams
 from lightdepth.capture.filling import fill, mark
@@ -171,7 +172,9 @@ def stitch(
 
 
 def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """What the matcher sees: the logarithm of radiance with its local contrast raised, black outside the circle.
+    """What the matcher sees: the logarithm of radiance with its local contrast raised.
+
+    Outside a fisheye's circle the rim's colours go on, for the rim itself would be matched: it looks alike everywhere.
 
     Args:
         orientation: the image.
@@ -182,13 +185,18 @@ def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[n
     """
     method = cv2.INTER_AREA if size[0] <= orientation.seen.shape[1] else cv2.INTER_LINEAR
     small = cv2.resize(orientation.radiance, size, interpolation=method).mean(axis=2)
-    seen = cv2.resize(orientation.seen.astype(np.uint8), size, interpolation=cv2.INTER_NEAREST) > 0
+    seen = cv2.resize(orientation.seen.astype(np.float32), size, interpolation=method) > 0.999
+    if not seen.all():
+        seen = cv2.erode(seen.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     if not (seen & (small > 0.0)).any():
         raise InputError(f"{orientation.name}: is black all over")
     logarithm = np.log(np.maximum(small, small[seen & (small > 0.0)].min()))
     low, high = np.percentile(logarithm[seen], [0.5, 99.7])
     grey = np.clip(255.0 * (logarithm - low) / max(high - low, 1e-3), 0.0, 255.0).astype(np.uint8)
-    return cv2.createCLAHE(clipLimit=3.0, tileGridSize=(8, 8)).apply(grey) * seen
+    if not seen.all():
+        rows, columns = distance_transform_edt(~seen, return_distances=False, return_indices=True)
+        grey = grey[rows, columns]
+    return cv2.createCLAHE(clipLimit=3.0, tileGridSize=(8, 8)).apply(grey)
 
 
 def _write_matching_images(orientations: Sequence[Orientation], folder: Path) -> tuple[list[str], float]:
