@@ -5,13 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lightdepth
-from lightdepth.api import begin_rendering
-from lightdepth.directions import euler_rotation
-from lightdepth.film import rendering as rendering_module
-from lightdepth.scene.materials import Diffuse, Emitter
-from lightdepth.scene.model import AnalyticShape, Role, SyntheticObject, SyntheticPart
-from tests.transport.places import GREY, ball, lamp_image, room
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+import lightdepth  # noqa: E402
+from lightdepth.api import begin_rendering  # noqa: E402
+from lightdepth.directions import euler_rotation  # noqa: E402
+from lightdepth.film import rendering as rendering_module  # noqa: E402
+from lightdepth.scene.materials import Diffuse, Emitter  # noqa: E402
+from lightdepth.scene.model import AnalyticShape, Role, SyntheticObject, SyntheticPart  # noqa: E402
+from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
+
 
 GLOW = Emitter(type="emitter", radiance=(30.0, 30.0, 30.0))
 
