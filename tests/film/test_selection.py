@@ -17,7 +17,6 @@ from lightdepth.scene.materials import Diffuse, Emitter  # noqa: E402
 from lightdepth.scene.model import AnalyticShape, Role, SyntheticObject, SyntheticPart  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
-
 GLOW = Emitter(type="emitter", radiance=(30.0, 30.0, 30.0))
 
 
