@@ -32,7 +32,7 @@ def seeds(scene):
 
 @pytest.fixture(scope="module")
 def reference(scene):
-    return lightdepth.render(scene, "view", samples=3000, seed=77)
+    return lightdepth.render(scene, "view", samples=1500, seed=77)
 
 
 def test_estimated_variance_is_the_spread_over_seeds(seeds):

@@ -135,7 +135,7 @@ def test_an_emissive_gltf_lights_the_real_floor_just_so(tmp_path):
 def shadow(opacity):
     sheet = Principled(base_color=(0, 0, 0), roughness=1.0, opacity=opacity)
     scene = floor_and_walls(objects=[flat((-0.2, 0.4), (0.6, 1.2), 0.5, sheet)], max_bounces=2)
-    frame = lightdepth.render(scene, "down", samples=128)
+    frame = lightdepth.render(scene, "down", samples=64)
     free = frame.coverage == 0
     return np.where(free[..., None], frame.change, 0.0).sum(), frame
 
