@@ -8,11 +8,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lightdepth
-from lightdepth.api import begin_rendering
-from lightdepth.film.rendering import PILOT_SAMPLES
-from lightdepth.scene.model import Role
-from tests.transport.places import GREY, ball, lamp_image, room
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+import lightdepth  # noqa: E402
+from lightdepth.api import begin_rendering  # noqa: E402
+from lightdepth.film.rendering import PILOT_SAMPLES  # noqa: E402
+from lightdepth.scene.model import Role  # noqa: E402
+from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +32,7 @@ def seeds(scene):
 
 @pytest.fixture(scope="module")
 def reference(scene):
-    return lightdepth.render(scene, "view", samples=3000, seed=77)
+    return lightdepth.render(scene, "view", samples=1500, seed=77)
 
 
 def test_estimated_variance_is_the_spread_over_seeds(seeds):

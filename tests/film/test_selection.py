@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import lightdepth
-from lightdepth.api import begin_rendering
-from lightdepth.directions import euler_rotation
-from lightdepth.film import rendering as rendering_module
-from lightdepth.scene.materials import Diffuse, Emitter
-from lightdepth.scene.model import AnalyticShape, Role, SyntheticObject, SyntheticPart
-from tests.transport.places import GREY, ball, lamp_image, room
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+import lightdepth  # noqa: E402
+from lightdepth.api import begin_rendering  # noqa: E402
+from lightdepth.directions import euler_rotation  # noqa: E402
+from lightdepth.film import rendering as rendering_module  # noqa: E402
+from lightdepth.scene.materials import Diffuse, Emitter  # noqa: E402
+from lightdepth.scene.model import AnalyticShape, Role, SyntheticObject, SyntheticPart  # noqa: E402
+from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
 GLOW = Emitter(type="emitter", radiance=(30.0, 30.0, 30.0))
 
@@ -61,7 +65,7 @@ def test_nothing_is_missed(name, camera, monkeypatch):
     touched = (full.coverage != 0) | (full.change != 0).any(axis=2) | (full.synthetic != 0).any(axis=2)
     assert not (touched & ~sampled).any()
     assert (full.object_id == 0)[~sampled].all()
-    if camera != "dome":
+    if camera == "pano":
         assert sampled.mean() < 0.8
 
 
@@ -87,13 +91,13 @@ def test_an_object_in_the_images_corner_is_found(corner):
 
 def test_the_panoramas_seam_is_nowhere():
     """A place turned by half a circle gives the same picture, moved by half its width."""
-    image = np.full((64, 128, 3), 0.5, np.float32)
-    image[20:24, 30:40] = 20.0
+    image = np.full((32, 64, 3), 0.5, np.float32)
+    image[10:12, 15:20] = 20.0
     things = [ball(GREY, (0.2, -2.0, 0.4), 0.4)]
     pictures = []
-    for heading, shift in ((0.0, 0), (180.0, 64)):
+    for heading, shift in ((0.0, 0), (180.0, 32)):
         scene = room(np.roll(image, shift, axis=1), things, rotation=(0, 0, heading))
-        frame = lightdepth.render(scene, "pano", samples=256)
+        frame = lightdepth.render(scene, "pano", samples=128)
         pictures.append((np.roll(frame.beauty, -shift, axis=1), np.roll(frame.variance, -shift, axis=1)))
     (one, variance), (other, more) = pictures
     z = (one - other) / np.sqrt(variance + more + 1e-12)

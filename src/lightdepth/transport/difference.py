@@ -209,7 +209,8 @@ class DifferenceIntegrator:
             last.point = dr.select(through, last.point, point)
             last.pdf = dr.select(through, last.pdf, pdf)
             last.map_samples = dr.select(through, last.map_samples, map_samples)
-            difference = dr.select(through, difference, in_difference)
+            # What it blocks was subtracted when it was met, so that what shows through it counts in full.
+            difference = mi.Bool(in_difference)
             covered &= ~(through & first)
             depth = dr.select(through, depth, depth + 1)
             first &= through

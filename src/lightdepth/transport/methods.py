@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import mitsuba as mi
 import numpy as np
@@ -43,13 +43,15 @@ class Prepared:
 def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     generator = np.random.default_rng(scene.render.seed)
     modelled = merge_real_surfaces(_real_surfaces(scene))
-    empty = Place(scene.panorama, TracedSurfaces(modelled), infinite)
+    # What is deformed took its colour, and the light that goes with it, where it was when it was photographed.
+    photographed = replace(modelled, vertices=modelled.rest)
+    empty = Place(scene.panorama, TracedSurfaces(photographed), infinite)
     shapes = tuple(synthetic_shapes(scene))
     bounds = _bounds(shapes)
     spheres = bounds.spheres if bounds is not None else []
     real, report = recover_irradiance(empty, modelled, spheres, generator)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
-    place = empty.with_surfaces(surfaces)
+    place = Place(scene.panorama, surfaces, infinite) if modelled.deformed else empty.with_surfaces(surfaces)
     settings = scene.render
     integrator = DifferenceIntegrator(
         place, surfaces, real.glosses, bounds, settings.max_bounces, settings.clamp_indirect
