@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: install demo test lint bench lock clean
+.PHONY: install demo test lint bench bench-peers extension blender-setup lock clean
 
 install: $(STAMP)
 
@@ -26,8 +26,29 @@ lint: install
 test: lint
 	$(BIN)/python -m pytest
 
+# Truth and speed; the compared renderers take part where `make bench-peers` installed them.
 bench: install
 	$(BIN)/python -m bench
+	$(BIN)/python -m pytest -m truth
+
+bench-peers: .venv-peers/installed
+
+.venv-peers/installed: bench/requirements-peers.lock
+	$(PYTHON) -m venv --clear .venv-peers
+	.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $<
+	touch $@
+
+# The Blender extension as a zip in dist/.
+extension: install
+	$(BIN)/python blender/build.py
+
+# Blender as Python modules, which the extension's tests run in; both need Python 3.11.
+blender-setup: .venv-bpy45/installed .venv-bpy50/installed
+
+.venv-bpy%/installed: blender/requirements-bpy%.lock
+	$(PYTHON) -m venv --clear .venv-bpy$*
+	.venv-bpy$*/bin/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $<
+	touch $@
 
 # Needs `uv`; writes hashes and no registry's address.
 lock:

@@ -50,7 +50,7 @@ class Effort:
 
 
 QUICK = Effort((128, 512), {"view": 64}, 512, (4, 16), 1)
-FULL = Effort((512, 1024), {"view": 192, "panorama": 256}, 4096, (4, 16, 64), 3)
+FULL = Effort((512, 512), {"view": 192, "panorama": 256}, 1024, (4, 16, 64), 3)
 
 
 def take_shot(place: Place, camera: str, effort: Effort) -> tuple[Shot, Estimate]:

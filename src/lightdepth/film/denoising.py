@@ -62,10 +62,10 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
         if frame.change[band].any():
             if "albedo" in filtered.guides:  # Without the photograph's texture there is none for it to explain.
                 filtered.guides["albedo"][window.cut(frame.coverage) == 0.0] = 1.0
-            uncovered = 1.0 - window.cut(frame.coverage)[:, :, None]
-            noisy = _extended(window.cut(frame.change), uncovered) / (window.cut(frame.plate) + floor)
-            added = window.inner(filtered(np.maximum(noisy, 0.0), change_scale))
-            taken = window.inner(filtered(np.maximum(-noisy, 0.0), change_scale))
+            uncovered = np.float32(1.0) - window.cut(frame.coverage)[:, :, None]
+            relative = _extended(window.cut(frame.change), uncovered) / (window.cut(frame.plate) + floor)
+            added = window.inner(filtered(np.maximum(relative, 0.0), change_scale))
+            taken = window.inner(filtered(np.maximum(-relative, 0.0), change_scale))
             clean = (added - taken) * (frame.plate[band] + floor)
             # At narrow contact shadows the filter overshoots; no more can be taken away than was there.
             clean = np.maximum(clean, np.minimum(-frame.plate[band], 0.0)) * window.inner(uncovered)

@@ -103,7 +103,7 @@ def recover_irradiance(
         rough = np.zeros(len(edges.ends), bool)
         rough[candidate] = deviation > np.maximum(tolerance, 2.5 * error)
         # Every middle that was estimated becomes a vertex; only where one was off, the halves are looked at in turn.
-        goes_on = rough[edges.of_face].any(axis=1)
+        goes_on = np.any(rough[edges.of_face], axis=1, keepdims=True)[:, 0]
         marked = close_marks(edges, lengths, candidate)
         known = np.zeros((len(edges.ends), 3), np.float32)
         known[candidate] = value

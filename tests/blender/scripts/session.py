@@ -54,8 +54,10 @@ def write_panorama(path, height=32, pixels=None):
         pixels = np.stack([red, green, 1.0 - 0.5 * v, np.ones_like(u)], -1).astype(np.float32)
     image = bpy.data.images.new("made", width, height, float_buffer=True)
     image.pixels.foreach_set(np.ascontiguousarray(pixels[::-1]).ravel())
-    image.file_format, image.filepath_raw = "OPEN_EXR", str(path)
-    image.save()
+    scene = bpy.data.scenes.new("writing")
+    as_exr(scene, path)
+    image.save_render(str(path), scene=scene)  # Image.save() of some versions encodes the colours
+    bpy.data.scenes.remove(scene)
     bpy.data.images.remove(image)
     return pixels
 
@@ -102,6 +104,7 @@ def as_exr(scene, path, multilayer=False):
 def cycles(scene, samples=1):
     """Let Blender's own path tracer render, without filters and view transforms."""
     scene.render.engine = "CYCLES"
+    scene.view_settings.view_transform = "Raw"
     scene.cycles.samples, scene.cycles.use_denoising = samples, False
     scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", 0.01
 
