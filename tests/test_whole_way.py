@@ -238,7 +238,7 @@ def test_brackets_of_a_360_degree_camera_become_a_picture_with_objects(tmp_path,
     reason="Hugin's command-line tools are not installed (Debian: hugin-tools)",
 )
 def test_what_each_step_of_the_whole_way_costs(tmp_path, capsys):
-    """Seven orientations with a fisheye lens, nine exposures each; then each step is made exact."""
+    """Seven orientations with a fisheye lens, nine exposures each; docs/tutorial.md has the figures and explains them."""
     width = 1024
     panorama = room.trace(room.panorama_view(width), 64, seed=2).mean.astype(np.float32)
     scenes: dict[str, Scene] = {}
