@@ -5,7 +5,8 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
-from calibration_helpers import Poses
+
+from tests.calibration.calibration_helpers import Poses
 
 
 @pytest.fixture(scope="session")

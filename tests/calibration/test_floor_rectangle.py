@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from calibration_helpers import angle_between, seen_from
 
 from lightdepth.calibration.arcs import Arcs
 from lightdepth.calibration.rectangle import FloorRectangle
 from lightdepth.calibration.solve import Cues, calibrate
 from lightdepth.directions import euler_rotation
 from lightdepth.errors import InputError
+from tests.calibration.calibration_helpers import angle_between, seen_from
 
 CAMERA = np.array([-0.7, -0.9, 1.5])
 ROTATION = euler_rotation([4.0, -7.0, 130.0])

@@ -3,7 +3,6 @@
 import cv2
 import numpy as np
 import pytest
-from calibration_helpers import angle_between
 
 from lightdepth.calibration.arcs import Arcs
 from lightdepth.calibration.line_detection import detect_arcs
@@ -14,6 +13,7 @@ from lightdepth.directions import direction_to_latlong, euler_rotation, pixel_di
 from lightdepth.errors import InputError
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import validate_panorama
+from tests.calibration.calibration_helpers import angle_between
 
 
 def turned(radiance: np.ndarray, rotation: np.ndarray) -> np.ndarray:

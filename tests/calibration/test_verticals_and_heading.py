@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from calibration_helpers import angle_between, seen_from
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
@@ -11,6 +10,7 @@ from lightdepth.calibration.clicks import pixels_to_directions
 from lightdepth.calibration.solve import Cues, calibrate
 from lightdepth.directions import euler_rotation
 from lightdepth.errors import InputError
+from tests.calibration.calibration_helpers import angle_between, seen_from
 
 CAMERA = np.array([0.0, 0.0, 1.6])
 

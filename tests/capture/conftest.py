@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lightdepth.capture.exposure import Exposure, read_exposures
-from support.photography import TestCamera, rig_rotation, room_panorama, sensor_radiance, shoot
+from tests.support.photography import TestCamera, rig_rotation, room_panorama, sensor_radiance, shoot
 
 TIMES = [64 * 4.0 ** (3 - index) for index in range(9)]
 """Nine exposures two stops apart, as in the paper."""

@@ -4,7 +4,7 @@ import pytest
 from lightdepth.capture.brackets import brackets_in_folder, group_by_exposure
 from lightdepth.capture.exposure import Exposure, read_exif, read_exposures, shutter_time
 from lightdepth.errors import InputError
-from support.photography import write_photograph
+from tests.support.photography import write_photograph
 
 GREY = np.full((8, 8, 3), 128, np.uint8)
 

@@ -9,7 +9,7 @@ from lightdepth.capture.merging import merge, shared_response
 from lightdepth.capture.photograph import read_photograph
 from lightdepth.capture.response import linear_response, normalised, srgb_response
 from lightdepth.errors import InputError
-from support.photography import TestCamera, film_curve, photograph, sensor_radiance, write_photograph
+from tests.support.photography import TestCamera, film_curve, photograph, sensor_radiance, write_photograph
 
 
 def relative_error(radiance, truth, where):

@@ -6,7 +6,7 @@ from lightdepth.capture.panorama import blend, natural_width
 from lightdepth.capture.photometry import Photograph, estimate_photometry
 from lightdepth.capture.rig import PRESETS
 from lightdepth.directions import pixel_directions
-from support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, sensor_radiance
+from tests.support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, sensor_radiance
 
 
 def photographs(place, factors=(1.0,) * 7, vignetting=(0.3, 0.1)):

@@ -15,7 +15,7 @@ from lightdepth.capture.response import (
     srgb_response,
 )
 from lightdepth.errors import InputError
-from support.photography import film_curve
+from tests.support.photography import film_curve
 
 CODES = np.arange(256) / 255
 

@@ -15,7 +15,7 @@ from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, SetupError
 from lightdepth.images.exr import read_exr
 from lightdepth.images.radiance import read_radiance
-from support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, room_panorama, shoot
+from tests.support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, room_panorama, shoot
 
 needs_hugin = pytest.mark.skipif(
     any(shutil.which(tool) is None for tool in hugin.ALIGNMENT_TOOLS),

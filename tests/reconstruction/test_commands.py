@@ -9,9 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
-from virtual_room import CAPTURE, ROOM
 
 from lightdepth.cli.app import main
+from tests.reconstruction.virtual_room import CAPTURE, ROOM
 
 SOURCE = Path(__file__).parents[2] / "src"
 

@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 import pytest
 import trimesh
-from virtual_room import CAPTURE, FURNITURE, distance_to_surface, trace
 
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError
@@ -14,6 +13,7 @@ from lightdepth.reconstruction.coverage import measure_coverage
 from lightdepth.reconstruction.depth_image import DepthImage, denoised, fill_missing, read_depth_image, reduced
 from lightdepth.reconstruction.from_depth import surfaces_from_depth
 from lightdepth.scene.model import Role
+from tests.reconstruction.virtual_room import CAPTURE, FURNITURE, distance_to_surface, trace
 
 
 def errors(surface):

@@ -5,7 +5,6 @@ import numpy as np
 import pye57
 import pytest
 import trimesh
-from virtual_room import CAPTURE, distance_to_surface
 
 from lightdepth.errors import InputError
 from lightdepth.reconstruction.cleaning import smoothed, thinned, without_outliers
@@ -13,6 +12,7 @@ from lightdepth.reconstruction.coverage import measure_coverage
 from lightdepth.reconstruction.from_points import surfaces_from_points
 from lightdepth.reconstruction.point_cloud import PointCloud, read_points
 from lightdepth.scene.model import Role
+from tests.reconstruction.virtual_room import CAPTURE, distance_to_surface
 
 
 def test_a_noisy_scan_gives_the_closed_room_within_two_centimetres(scan, pose):

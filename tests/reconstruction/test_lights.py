@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from virtual_room import CAPTURE, LAMPS, radiance, trace
 
 from lightdepth.directions import latlong_to_direction, pixel_directions
 from lightdepth.lightmap.file import LightDepthMap
@@ -11,6 +10,7 @@ from lightdepth.reconstruction.depth_image import DepthImage
 from lightdepth.reconstruction.from_depth import surfaces_from_depth
 from lightdepth.reconstruction.lights import strongest_sources
 from lightdepth.reconstruction.lights_picture import draw_sources
+from tests.reconstruction.virtual_room import CAPTURE, LAMPS, radiance, trace
 
 
 def room_map(pose, height=256, depth=None):

@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from gltf_writer import QUAD, gltf_document, png, write_glb
 from PIL import Image
 
 from lightdepth.errors import InputError
@@ -15,6 +14,7 @@ from lightdepth.scene.meshes import read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
 from lightdepth.scene.meshes.mirrored import split_mirrored
 from lightdepth.scene.model import Scene, SyntheticObject, SyntheticPart
+from tests.scene.gltf_writer import QUAD, gltf_document, png, write_glb
 
 MATTE = {"KHR_materials_specular": {"specularFactor": 0.0}}
 DOWN = [0.0, 0.0, -1.0]

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from gltf_writer import png
 
 from lightdepth.errors import InputError
 from lightdepth.scene import load_scene
+from tests.scene.gltf_writer import png
 
 
 @pytest.fixture
