@@ -171,7 +171,7 @@ def test_missing_tool_is_named_with_how_to_install_it(monkeypatch, tmp_path):
     ],
 )
 def test_wrong_input_is_explained_and_nothing_written(arguments, message, monkeypatch, tmp_path):
-    from support.photography import write_photograph
+    from tests.support.photography import write_photograph
 
     monkeypatch.chdir(tmp_path)
     for index, name in enumerate(("a.jpg", "b.jpg")):

@@ -37,7 +37,7 @@ def parts_of(tmp_path):
 @pytest.fixture
 def look(mi, parts_of):
     """Radiance along rays, with the shapes of a glTF document in a constant environment."""
-    from tracing import radiance
+    from tests.scene.tracing import radiance
 
     from lightdepth.kernel.shapes import synthetic_shapes
 
@@ -354,7 +354,7 @@ def test_real_assets_have_their_size_and_materials(real_asset):
 
 def test_real_assets_render(mi, real_asset):
     """In a white room each reflects less than arrives, and no point of it is black or broken."""
-    from tracing import radiance
+    from tests.scene.tracing import radiance
 
     from lightdepth.kernel.shapes import synthetic_shapes
 

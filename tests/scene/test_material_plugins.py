@@ -47,7 +47,7 @@ OFFSETS = np.array([0.0, 0.5, 0.8, 0.95])
 
 def furnace(shapes_of, material, samples):
     """Radiance of a sphere in a white environment, seen frontally and ever more slanted, and its standard error."""
-    from tracing import radiance_and_error
+    from tests.scene.tracing import radiance_and_error
 
     origins = np.stack([OFFSETS, 0 * OFFSETS, 0 * OFFSETS + 3], axis=1)
     return radiance_and_error(shapes_of(SPHERE.format(material)), origins, [0, 0, -1], samples=samples, depth=200)
@@ -69,14 +69,14 @@ def test_no_material_makes_light(shapes_of, material):
 
 
 def test_emitters_send_what_they_say(shapes_of):
-    from tracing import radiance
+    from tests.scene.tracing import radiance
 
     found = radiance(shapes_of(SPHERE.format('type = "emitter", radiance = [4, 2, 1]')), [0, 0, 3], [0, 0, -1])
     np.testing.assert_allclose(found, [[4, 2, 1]])
 
 
 def test_an_image_stands_upright_on_a_shape(shapes_of, scene_folder):
-    from tracing import radiance
+    from tests.scene.tracing import radiance
 
     picture = [[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]]
     (scene_folder / "picture.png").write_bytes(png(np.repeat(np.repeat(picture, 8, axis=0), 8, axis=1)))
