@@ -102,7 +102,7 @@ def sensor_radiance(panorama: np.ndarray, rotation: np.ndarray, camera: TestCame
 
 def photograph(light: np.ndarray, exposure: float, camera: TestCamera, rng: np.random.Generator) -> np.ndarray:
     """One exposure of :func:`sensor_radiance`: saturation, shot and read noise, response, 8 bits; RGB."""
-    electrons = np.minimum(light * exposure, 1.5) * camera.full_well
+    electrons = np.clip(light * exposure, 0, 1.5) * camera.full_well
     # Shot noise by its normal approximation: the two differ only below some ten electrons, where read noise rules.
     noise = rng.standard_normal(light.shape, dtype=np.float32)
     electrons = electrons + noise * np.sqrt(electrons + camera.read_noise**2)
