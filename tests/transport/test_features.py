@@ -134,7 +134,7 @@ def test_an_emissive_gltf_lights_the_real_floor_just_so(tmp_path):
 
 def shadow(opacity):
     sheet = Principled(base_color=(0, 0, 0), roughness=1.0, opacity=opacity)
-    scene = floor_and_walls(objects=[flat((-0.2, 0.4), (0.6, 1.2), 0.5, sheet)], max_bounces=2)
+    scene = floor_and_walls(objects=[flat((-0.2, -0.3), (0.4, 0.2), 0.5, sheet)], max_bounces=2)
     frame = lightdepth.render(scene, "down", samples=64)
     free = frame.coverage == 0
     return np.where(free[..., None], frame.change, 0.0).sum(), frame
@@ -143,7 +143,7 @@ def shadow(opacity):
 def test_a_blended_sheet_casts_half_a_shadow():
     opaque, covered = shadow(1.0)
     half, blended = shadow(0.5)
-    assert opaque < -5
+    assert opaque < -1
     assert half == pytest.approx(0.5 * opaque, rel=0.03)
     inside = covered.coverage == 1
     assert blended.coverage[inside].mean() == pytest.approx(0.5, abs=0.02)
