@@ -240,16 +240,17 @@ def test_a_glossy_floor_mirrors_a_lamp_at_the_mirrored_place():
     assert found == pytest.approx(expected, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    "position", [(0.3, 1.2, 0.4), (8.0, 0.0, 1.0), (0.0, 0.0, -3.0), tuple(CAPTURE * [1, 1, 0])], ids=str
-)
-def test_a_camera_in_a_strange_place_gives_a_picture(position):
+def test_a_camera_in_a_strange_place_gives_a_picture():
     """Inside the object, outside the room, under the floor, on the floor."""
     scene = room(lamp_image(64), [ball(GREY)])
-    view = CameraView(scene.cameras["view"].camera, np.array(position), scene.cameras["view"].rotation)
-    frame = lightdepth.render(replace(scene, cameras={"strange": view}), "strange", samples=4)
-    assert np.isfinite(frame.beauty).all()
-    assert np.isfinite(frame.variance).all()
+    plain = scene.cameras["view"]
+    places = {"inside": (0.3, 1.2, 0.4), "outside": (8.0, 0.0, 1.0), "under": (0.0, 0.0, -3.0), "on": (0.2, -0.3, 0.0)}
+    cameras = {name: CameraView(plain.camera, np.array(position), plain.rotation) for name, position in places.items()}
+    scene = replace(scene, cameras=cameras)
+    for name in places:
+        frame = lightdepth.render(scene, name, samples=4)
+        assert np.isfinite(frame.beauty).all()
+        assert np.isfinite(frame.variance).all()
 
 
 def test_many_objects_of_all_kinds_are_told_apart():
