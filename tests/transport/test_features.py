@@ -134,7 +134,7 @@ def test_an_emissive_gltf_lights_the_real_floor_just_so(tmp_path):
 
 def shadow(opacity):
     sheet = Principled(base_color=(0, 0, 0), roughness=1.0, opacity=opacity)
-    scene = floor_and_walls(objects=[flat((-0.2, 0.4), (0.6, 1.2), 0.5, sheet)], max_bounces=2)
+    scene = floor_and_walls(objects=[flat((-0.2, -0.3), (0.4, 0.2), 0.5, sheet)], max_bounces=2)
     frame = lightdepth.render(scene, "down", samples=64)
     free = frame.coverage == 0
     return np.where(free[..., None], frame.change, 0.0).sum(), frame
@@ -143,7 +143,7 @@ def shadow(opacity):
 def test_a_blended_sheet_casts_half_a_shadow():
     opaque, covered = shadow(1.0)
     half, blended = shadow(0.5)
-    assert opaque < -5
+    assert opaque < -1
     assert half == pytest.approx(0.5 * opaque, rel=0.03)
     inside = covered.coverage == 1
     assert blended.coverage[inside].mean() == pytest.approx(0.5, abs=0.02)
@@ -240,16 +240,17 @@ def test_a_glossy_floor_mirrors_a_lamp_at_the_mirrored_place():
     assert found == pytest.approx(expected, rel=0.1)
 
 
-@pytest.mark.parametrize(
-    "position", [(0.3, 1.2, 0.4), (8.0, 0.0, 1.0), (0.0, 0.0, -3.0), tuple(CAPTURE * [1, 1, 0])], ids=str
-)
-def test_a_camera_in_a_strange_place_gives_a_picture(position):
+def test_a_camera_in_a_strange_place_gives_a_picture():
     """Inside the object, outside the room, under the floor, on the floor."""
     scene = room(lamp_image(64), [ball(GREY)])
-    view = CameraView(scene.cameras["view"].camera, np.array(position), scene.cameras["view"].rotation)
-    frame = lightdepth.render(replace(scene, cameras={"strange": view}), "strange", samples=4)
-    assert np.isfinite(frame.beauty).all()
-    assert np.isfinite(frame.variance).all()
+    plain = scene.cameras["view"]
+    places = {"inside": (0.3, 1.2, 0.4), "outside": (8.0, 0.0, 1.0), "under": (0.0, 0.0, -3.0), "on": (0.2, -0.3, 0.0)}
+    cameras = {name: CameraView(plain.camera, np.array(position), plain.rotation) for name, position in places.items()}
+    scene = replace(scene, cameras=cameras)
+    for name in places:
+        frame = lightdepth.render(scene, name, samples=4)
+        assert np.isfinite(frame.beauty).all()
+        assert np.isfinite(frame.variance).all()
 
 
 def test_many_objects_of_all_kinds_are_told_apart():
