@@ -37,9 +37,8 @@ def parts_of(tmp_path):
 @pytest.fixture
 def look(mi, parts_of):
     """Radiance along rays, with the shapes of a glTF document in a constant environment."""
-    from tests.scene.tracing import radiance
-
     from lightdepth.kernel.shapes import synthetic_shapes
+    from tests.scene.tracing import radiance
 
     def trace(document, origins, directions, **settings):
         parts = [
@@ -354,9 +353,8 @@ def test_real_assets_have_their_size_and_materials(real_asset):
 
 def test_real_assets_render(mi, real_asset):
     """In a white room each reflects less than arrives, and no point of it is black or broken."""
-    from tests.scene.tracing import radiance
-
     from lightdepth.kernel.shapes import synthetic_shapes
+    from tests.scene.tracing import radiance
 
     name, found = real_asset
     parts = tuple(piece for part in found for piece in split_mirrored(SyntheticPart(part.mesh, part.material)))
