@@ -107,6 +107,7 @@ class Rendering:
         self._command = command
         # A file, because a pipe that nobody reads would stop the renderer once it is full.
         self._errors = tempfile.TemporaryFile(mode="w+", errors="replace")  # noqa: SIM115 - lives as long as the process
+        self._interrupted = False
         try:
             self._process = subprocess.Popen(
                 [command, *arguments],
@@ -174,8 +175,13 @@ class Rendering:
         return self._errors.read()
 
     def interrupt(self) -> None:
-        """Ask the renderer to write what it has and to stop; :meth:`events` goes on until it has."""
-        self._signal(signal.SIGINT)
+        """Ask the renderer to write what it has and to stop; :meth:`events` goes on until it has.
+
+        It is asked once, however often this is called: a second signal would stop it before it has written.
+        """
+        if not self._interrupted:
+            self._interrupted = True
+            self._signal(signal.SIGINT)
 
     def end(self) -> None:
         """End the process group now, whatever it does, and wait until it is gone."""

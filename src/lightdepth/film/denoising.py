@@ -93,7 +93,10 @@ def _extended(layer: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray
     around = cv2.dilate(share[:, :, 0], np.ones((5, 5), np.uint8))
     reliable = (share[:, :, 0] > 0.0) & (share[:, :, 0] >= 0.5 * around)
     row, column = distance_transform_edt(~reliable, return_distances=False, return_indices=True)
-    return layer[row, column] / np.maximum(share[row, column], np.float32(1e-6))
+    # Beyond the rim goes the mean around the rim's pixels: a single one's noise would be drawn out into a streak.
+    mean = cv2.blur(layer, (9, 9)) / np.maximum(cv2.blur(share[:, :, 0], (9, 9)), np.float32(1e-6))[:, :, None]
+    own = layer / np.maximum(share, np.float32(1e-6))
+    return np.where(reliable[:, :, None], own, mean[row, column])
 
 
 def _touched(layer: NDArray[np.float32]) -> NDArray[np.bool_]:
