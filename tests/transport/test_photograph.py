@@ -59,6 +59,5 @@ def test_the_mesh_may_be_made_from_depth_instead():
     from_depth = replace(scene, real=(), panorama=replace(scene.panorama, depth=depth))
     frame = lightdepth.render(from_depth, "view", samples=64)
     assert np.abs(frame.plate - meshed.plate).mean() < 0.02 * meshed.plate.mean()
-    # Without the lamp's and the window's rims, where a pixel is hundreds of times as bright as its neighbour.
-    ordinary = (meshed.plate.max(axis=2) < 2.0) & (frame.plate.max(axis=2) < 2.0)
-    assert frame.change[ordinary].sum() == pytest.approx(meshed.change[ordinary].sum(), rel=0.1)
+    # Without the upper quarter, where the lamp's rim is: hundreds of times as bright as its neighbour, all noise.
+    assert frame.change[8:].sum() == pytest.approx(meshed.change[8:].sum(), rel=0.1)
