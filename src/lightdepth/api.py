@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -117,11 +116,6 @@ def forget_prepared() -> None:
 
     _prepare.cache_clear()
     dr.flush_malloc_cache()
-
-
-def with_settings(scene: Scene, **settings: object) -> Scene:
-    """A scene with other values in its ``[render]`` table."""
-    return replace(scene, render=replace(scene.render, **settings))  # type: ignore[arg-type]
 
 
 @lru_cache(maxsize=2)
