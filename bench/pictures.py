@@ -43,13 +43,13 @@ def plot_convergence(results: dict[str, Any], place: str, camera: str, path: Pat
 
 
 def show_side_by_side(results: dict[str, Any], place: str, camera: str, model: str, path: Path) -> None:
-    """The truth and every method's image at its largest budget, with signed error maps below."""
+    """The truth and every method's image at the largest of the timed budgets, with signed error maps below."""
     records = select(results["records"], place=place, camera=camera, model=model)
     truth = next(record["image"] for record in records if record["method"] == "truth")
-    largest = max(record["samples"] for record in records if record["method"] != "truth")
+    samples = results["effort"]["budgets"][-2]
     shown = [("truth", truth)]
     for method, label in results["labels"].items():
-        found = select(records, method=method, denoised=False, samples=largest)
+        found = select(records, method=method, denoised=False, samples=samples)
         shown += [(label.replace("`", ""), record["image"]) for record in found]
     height, width = truth.shape[:2]
     figure, axes = plt.subplots(

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.directions import direction_to_latlong
+from lightdepth.directions import direction_to_latlong, pixel_directions
+from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.scene.model import Mesh
 
 
 def lookup(
@@ -28,6 +32,33 @@ def lookup(
     column = np.minimum((u * width).astype(int), width - 1)
     row = np.minimum((v * height).astype(int), height - 1)
     return panorama[row, column].astype(np.float64)
+
+
+def without_lamps(
+    panorama: NDArray[np.float32],
+    capture: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+    lamps: Sequence[Mesh],
+) -> NDArray[np.float32]:
+    """The photograph with its lamps painted over by what surrounds them.
+
+    Methods that place the lamps as lights of their own project this one onto the other surfaces: pixels at a lamp's
+    rim hold a part of its light, which would otherwise be counted twice.
+
+    Args:
+        panorama: shape (h, 2 h, 3).
+        capture: the capture point, world, metres, shape (3,).
+        rotation: light space to world, shape (3, 3).
+        lamps: what to paint over.
+    """
+    if not lamps:
+        return panorama
+    height, width = panorama.shape[:2]
+    directions = pixel_directions(height, width).reshape(-1, 3) @ rotation.T
+    covered = np.isfinite(RayCaster(lamps).cast(capture, directions).distance)
+    touched = cv2.dilate(covered.reshape(height, width).astype(np.uint8), np.ones((5, 5), np.uint8))
+    channels = [cv2.inpaint(panorama[..., index], touched, 3, cv2.INPAINT_NS) for index in range(3)]
+    return np.stack(channels, axis=-1)
 
 
 def mitsuba_environment(panorama: NDArray[np.float32], rotation: NDArray[np.float64]) -> dict[str, Any]:

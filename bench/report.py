@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from bench.analysis import convergence, select, spread
+from bench.goals import goals
 from bench.pictures import plot_convergence, show_side_by_side
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -59,6 +59,9 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
         f"{effort['truth_samples']} samples, images {effort['cameras']}, budgets {list(effort['budgets'])} samples, "
         f"{effort['repeats']} runs, object set `{effort['objects']}`.\n"
     )
+    lines.append("## Summary\n")
+    for title, head, rows in goals(results):
+        lines += [f"**{title}**\n", _table(head, rows)]
     for place in effort["places"]:
         lines.append(f"## {place}\n")
         for camera in effort["cameras"]:
@@ -83,20 +86,16 @@ def _percent(value: float) -> str:
     return f"{100.0 * value:.2f} %"
 
 
-def _seconds(value: float) -> str:
-    return "never" if math.isinf(value) else f"{value:.2g} s"
-
-
 def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Iterator[str]:
     """Tables and pictures of the exact model through one camera."""
     records = select(results["records"], place=place, camera=camera, model="exact")
-    largest = max(results["effort"]["budgets"])
+    shown = results["effort"]["budgets"][-2]
     yield f"### {place}, camera `{camera}`\n"
     name = f"{place}_{camera}"
     show_side_by_side(results, place, camera, "exact", folder / f"{name}.png")
     plot_convergence(results, place, camera, folder / f"{name}_convergence.png")
     yield (
-        f"![Truth and the methods at {largest} samples; below, signed relative error]"
+        f"![Truth and the methods at {shown} samples; below, signed relative error]"
         f"(images/benchmarks/{name}.png)\n\n![Convergence](images/benchmarks/{name}_convergence.png)\n"
     )
     for region, title in REGION_TITLES.items():
@@ -104,7 +103,7 @@ def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Ite
         for denoised in (False, True):
             for method, label in results["labels"].items():
                 found = select(records, method=method, denoised=denoised)
-                final = [record for record in select(found, samples=largest) if region in record["measures"]]
+                final = [record for record in select(found, samples=shown) if region in record["measures"]]
                 if not final:
                     continue
                 measures = final[0]["measures"][region]
@@ -126,7 +125,7 @@ def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Ite
                     ]
                 )
         if rows:
-            yield f"**{title}**, {largest} samples:\n"
+            yield f"**{title}**, {shown} samples:\n"
             yield _table(
                 [
                     "method",
@@ -143,31 +142,6 @@ def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Ite
                 ],
                 rows,
             )
-    yield from _time_to_error(results, records)
-
-
-def _time_to_error(results: dict[str, Any], records: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """Time that each method needs for the error that ``difference`` has at its smallest and largest budget."""
-    rows = []
-    for region in ("objects", "changed"):
-        ours = convergence(select(records, method="difference", denoised=False), region)
-        if ours is None:
-            continue
-        for samples in (min(results["effort"]["budgets"]), max(results["effort"]["budgets"])):
-            error = math.sqrt(ours.bias**2 + ours.noise**2 / samples)
-            row = [region, _percent(error)]
-            for method in results["labels"]:
-                fitted = convergence(select(records, method=method, denoised=False), region)
-                if fitted is None:
-                    row.append("")
-                    continue
-                needed, own = fitted.seconds_to(error), ours.seconds_to(error)
-                ratio = "" if math.isinf(needed) else f" ({needed / own:.1f}x)"
-                row.append(_seconds(needed) + ratio)
-            rows.append(row)
-    if rows:
-        yield "Time to equal error (from the fits; *never*: the bias alone is larger); in brackets, against ours:\n"
-        yield _table(["region", "error", *results["labels"].values()], rows)
 
 
 def _wrong_models(results: dict[str, Any], place: str) -> Iterator[str]:

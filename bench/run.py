@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import datetime
+import itertools
 import json
 import os
 import platform
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,8 @@ import numpy as np
 from rich.console import Console
 
 from bench.measures import find_regions, measure
-from bench.methods.job import Shot
-from bench.methods.registry import Method, available
+from bench.methods.job import Rendered, Shot
+from bench.methods.registry import OWN_METHODS, Method, available
 from bench.places import PLACES
 from bench.places.place import Place
 from bench.places.wrong import WRONG
@@ -34,8 +35,9 @@ class Effort:
         photograph: width and samples of the panoramas that the methods are given.
         cameras: width of each camera's image.
         truth_samples: camera rays a pixel of the truth.
-        budgets: samples a pixel that each method is given.
-        repeats: how often everything is timed.
+        budgets: samples a pixel that each method is given; the largest is for convergence, and run once.
+        repeats: how often the other budgets are timed; what is denoised, once.
+        converged: samples a pixel of one more rendering of ``difference``, from which its bias is seen.
         places: names of the places.
         objects: the object set.
     """
@@ -45,12 +47,13 @@ class Effort:
     truth_samples: int
     budgets: tuple[int, ...]
     repeats: int
+    converged: int
     places: tuple[str, ...] = tuple(PLACES)
     objects: str = "mixed"
 
 
-QUICK = Effort((128, 512), {"view": 64}, 512, (4, 16), 1)
-FULL = Effort((512, 512), {"view": 192, "panorama": 256}, 1024, (4, 16, 64), 3)
+QUICK = Effort((128, 512), {"view": 64}, 512, (4, 8, 16), 1, 64)
+FULL = Effort((512, 512), {"view": 160, "panorama": 192}, 2048, (4, 16, 64, 256), 3, 2048)
 
 
 def take_shot(place: Place, camera: str, effort: Effort) -> tuple[Shot, Estimate]:
@@ -68,25 +71,44 @@ def take_shot(place: Place, camera: str, effort: Effort) -> tuple[Shot, Estimate
 
 
 def measured(
-    name: str, method: Method, shot: Shot, full: Estimate, effort: Effort, denoise: bool, console: Console
+    name: str, method: Method, shot: Shot, full: Estimate, plan: Sequence[Sequence[int]], denoise: bool
 ) -> Iterator[dict[str, Any]]:
-    """Records of one method on one shot."""
+    """Records of one method on one shot.
+
+    Args:
+        name: of the method.
+        method: what renders.
+        shot: what is rendered.
+        full: the truth.
+        plan: budgets of one rendering after the other; a budget that is repeated is timed repeatedly.
+        denoise: with denoising or without.
+    """
     regions = find_regions(full, shot.plate)
-    try:
-        runs = [method.render(shot, effort.budgets, denoise) for _ in range(effort.repeats)]
-    except RuntimeError as error:  # A peer that fails is reported, not fatal.
-        console.print(f"  {name}: {error}", style="red", markup=False)
-        return
-    for index, samples in enumerate(effort.budgets):
-        image = runs[0][index].image
+    rendered: dict[int, list[Rendered]] = {}
+    for budgets in plan:
+        for samples, result in zip(budgets, method.render(shot, budgets, denoise), strict=True):
+            rendered.setdefault(samples, []).append(result)
+    for samples, results in rendered.items():
+        image = results[0].image
         yield {
             "method": name,
             "denoised": denoise,
             "samples": samples,
-            "seconds": [round(run[index].seconds, 4) for run in runs],
+            "seconds": [round(result.seconds, 4) for result in results],
             "measures": measure(image, full, regions),
             "image": image,
         }
+
+
+def plan_of(name: str, camera: str, model: str, denoise: bool, effort: Effort) -> list[tuple[int, ...]]:
+    """The budgets to render with, in turn; empty where nothing is to be measured."""
+    timed, largest = effort.budgets[:-1], effort.budgets[-1:]
+    if model != "exact":
+        return [largest] if name in OWN_METHODS and camera == "view" and not denoise else []
+    if denoise:
+        return [timed]
+    extra = (effort.converged,) if name == "difference" and camera == "view" else ()
+    return [timed] * effort.repeats + [largest + extra]
 
 
 def run(effort: Effort, console: Console) -> dict[str, Any]:
@@ -104,20 +126,22 @@ def run(effort: Effort, console: Console) -> dict[str, Any]:
             for kind, make in WRONG.items()
             if kind != "box for furniture" or name == "lamp_and_window"
         }
-        for camera in effort.cameras:
-            console.print(f"{name}, {camera}: truth", highlight=False)
-            for model, place in variants.items():
-                if model != "exact" and camera != "view":
+        for camera, (model, place) in itertools.product(effort.cameras, variants.items()):
+            if model != "exact" and camera != "view":
+                continue
+            console.print(f"{name}, {camera}, {model}: truth", highlight=False)
+            shot, full = take_shot(place, camera, effort)
+            for denoise, (key, method) in itertools.product((False, True), methods.items()):
+                plan = plan_of(key, camera, model, denoise, effort)
+                if not plan:
                     continue
-                shot, full = take_shot(place, camera, effort)
-                for denoise in (False, True) if model == "exact" else (False,):
-                    for key, method in methods.items():
-                        if model != "exact" and key not in ("difference", "directional", "envpath"):
-                            continue
-                        console.print(f"{name}, {camera}, {model}: {key}{', denoised' * denoise}", highlight=False)
-                        for record in measured(key, method, shot, full, effort, denoise, console):
-                            records.append({"place": name, "model": model, "camera": camera, **record})
-                records.append({"place": name, "model": model, "camera": camera, "method": "truth", "image": full.mean})
+                console.print(f"{name}, {camera}, {model}: {key}{', denoised' * denoise}", highlight=False)
+                try:
+                    for record in measured(key, method, shot, full, plan, denoise):
+                        records.append({"place": name, "model": model, "camera": camera, **record})
+                except RuntimeError as error:  # A peer that fails is reported, not fatal.
+                    console.print(f"  {key}: {error}", style="red", markup=False)
+            records.append({"place": name, "model": model, "camera": camera, "method": "truth", "image": full.mean})
     return {
         "machine": {
             "processor": _processor(),

@@ -151,7 +151,8 @@ def set_up(workflow):
     for kind in ("max_bounces", "diffuse_bounces", "glossy_bounces", "transmission_bounces"):
         setattr(cycles, kind, job["max_bounces"])
     panorama = bpy.data.images.load(str(job_path.parent / job["panorama"]))
-    panorama.colorspace_settings.name = "Linear Rec.709"
+    projected = bpy.data.images.load(str(job_path.parent / job["panorama_without_lamps"]))
+    panorama.colorspace_settings.name = projected.colorspace_settings.name = "Linear Rec.709"
 
     world = bpy.data.worlds.new("world")
     scene.world = world
@@ -173,7 +174,7 @@ def set_up(workflow):
         elif part["radiance"] is not None:
             add_mesh(part["name"], vertices, faces, glowing_material(part["radiance"]))
         else:
-            add_mesh(part["name"], vertices, faces, projecting_material(panorama))
+            add_mesh(part["name"], vertices, faces, projecting_material(projected))
 
     settings = job["camera"]
     data = bpy.data.cameras.new("camera")

@@ -98,5 +98,7 @@ def _baked(shot: Shot, part: Part) -> NDArray[np.float64]:
     points = np.array(found.p).T
     valid = np.array(found.is_valid())
     radiance = np.zeros((len(points), 3))
-    radiance[valid] = lookup(shot.panorama, points[valid] - shot.capture, euler_rotation(shot.place.rotation))
+    radiance[valid] = lookup(
+        shot.panorama_without_lamps, points[valid] - shot.capture, euler_rotation(shot.place.rotation)
+    )
     return radiance.reshape(TEXELS, TEXELS * tiles, 3)

@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.places.place import Part, Place
+from bench.projection import without_lamps
+from lightdepth.directions import euler_rotation
 from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.scene.model import AnalyticShape, CameraView
 
@@ -60,6 +63,12 @@ class Shot:
         """The capture point as the user believes it, world, metres."""
         return np.asarray(self.place.position) + np.asarray(self.place.capture_error)
 
+    @cached_property
+    def panorama_without_lamps(self) -> NDArray[np.float32]:
+        """For methods that project the photograph and place the lamps as lights of their own."""
+        lamps = [part.mesh for part in self.modelled if part.radiance is not None]
+        return without_lamps(self.panorama, self.capture, euler_rotation(self.place.rotation), lamps)
+
 
 def is_ground(part: Part) -> bool:
     """Whether two-pass methods take a part as the local scene: what the objects stand on."""
@@ -79,7 +88,11 @@ def run_worker(worker: str, shot: Shot, renders: Sequence[dict[str, Any]]) -> li
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_exr(folder / "panorama.exr", [ExrPart({c: shot.panorama[..., i] for i, c in enumerate("RGB")})])
+        for file, image in (
+            ("panorama.exr", shot.panorama),
+            ("panorama_without_lamps.exr", shot.panorama_without_lamps),
+        ):
+            write_exr(folder / file, [ExrPart({c: image[..., i] for i, c in enumerate("RGB")})])
         camera = shot.view.camera
         width, height = camera.resolution
         arrays: dict[str, Any] = {"plate": shot.plate, "coverage": shot.coverage}
@@ -99,6 +112,7 @@ def run_worker(worker: str, shot: Shot, renders: Sequence[dict[str, Any]]) -> li
         outputs = [folder / f"{index}.npz" for index in range(len(renders))]
         job = {
             "panorama": "panorama.exr",
+            "panorama_without_lamps": "panorama_without_lamps.exr",
             "capture": {"position": shot.capture.tolist(), "rotation": shot.place.rotation},
             "real": real,
             "objects": objects,

@@ -67,10 +67,7 @@ def build():
     put("scene.camera.up", numbers(rotation[:, 2]))
     put("scene.camera.autofocus.enable", False)
     if settings["type"] != "equirectangular":
-        # LuxCore's angle is that of the shorter side.
-        half = np.tan(np.radians(0.5 * settings["fov"]))
-        short = half * min(1.0, settings["height"] / settings["width"])
-        put("scene.camera.fieldofview", float(np.degrees(2.0 * np.arctan(short))))
+        put("scene.camera.fieldofview", settings["fov"])  # Like ours, that of the width.
 
     # LuxCore's columns start at +x and grow toward +y; lightdepth's centre is +y and they grow toward +x: a mirror.
     put("scene.lights.sky.type", "infinite")

@@ -41,6 +41,8 @@ def _worker(script: str, workflow: str, shot: Shot, budgets: Sequence[int], deno
     return run_worker(script, shot, renders)
 
 
+OWN_METHODS = ("difference", "directional", "envpath")
+"""The product's own, which are also measured with wrong models of the places."""
 METHODS: dict[str, Method] = {
     "difference": Method("lightdepth `difference`", partial(_own, "difference"), "defaults, 8 bounces"),
     "directional": Method("lightdepth `directional`", partial(_own, "directional"), "defaults, 8 bounces"),
@@ -48,13 +50,15 @@ METHODS: dict[str, Method] = {
     "debevec": Method(
         "Debevec two-pass, Mitsuba `path`",
         _debevec,
-        "photograph baked into area lights (256 texels a rectangle), lamps of one radiance each, ground with its true "
+        "photograph, its lamps painted over, baked into area lights (256 texels a rectangle), lamps with their true "
+        "radiance, ground with its true "
         "albedo, the same seed in both passes, multijittered samples, 8 bounces",
     ),
     "cycles_proxy": Method(
         "Cycles, emissive proxy, two renders",
         partial(_worker, "cycles_worker.py", "proxy"),
-        "photograph projected in the shader, lamps with their true radiance sampled from their front, light tree, "
+        "photograph, its lamps painted over, projected in the shader, lamps with their true radiance sampled from "
+        "their front, light tree, "
         "ground with its true albedo, no clamping, no glossy filter, caustics on, the same seed in both, 8 bounces",
         peer=True,
     ),
@@ -79,9 +83,8 @@ def available() -> dict[str, Method]:
     """The methods that can run here: those of the product that exist, and the peers where they are installed."""
     from lightdepth.transport.methods import METHODS as OWN
 
-    own_names = ("difference", "directional", "envpath")
     return {
         name: method
         for name, method in METHODS.items()
-        if (name not in own_names or name in OWN) and (not method.peer or PEERS_PYTHON.is_file())
+        if (name not in OWN_METHODS or name in OWN) and (not method.peer or PEERS_PYTHON.is_file())
     }

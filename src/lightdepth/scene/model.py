@@ -122,6 +122,7 @@ class RenderSettings:
         max_bounces: longest path, in scattering events.
         seed: seed of the random numbers.
         clamp_indirect: largest radiance that one indirect sample may bring; ``None`` (unbiased) clamps nothing.
+        irradiance_samples: samples of each of two techniques at each point of support whose irradiance is recovered.
     """
 
     samples: int = 64
@@ -129,6 +130,7 @@ class RenderSettings:
     max_bounces: int = 8
     seed: int = 0
     clamp_indirect: float | None = None
+    irradiance_samples: int = 1024
 
 
 @dataclass(frozen=True)

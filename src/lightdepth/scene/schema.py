@@ -148,6 +148,7 @@ class RenderTable(Table):
     max_bounces: Whole = Field(default=8, ge=0, le=1000)
     seed: Whole = Field(default=0, ge=0, lt=2**32)
     clamp_indirect: Number | None = Field(default=None, gt=0.0)
+    irradiance_samples: Whole = Field(default=1024, ge=16, le=1 << 20, multiple_of=2)
 
 
 class SceneFile(Table):

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.transport.bounds import Sphere
-from lightdepth.transport.irradiance import SAMPLES, estimate_irradiance, estimate_mirrored
+from lightdepth.transport.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.transport.place import Place
 from lightdepth.transport.refinement import close_marks, find_edges, split_edges
 from lightdepth.transport.support import SpecularLobes
@@ -57,7 +57,11 @@ class IrradianceReport:
 
 
 def recover_irradiance(
-    place: Place, surfaces: RealSurfaces, spheres: Sequence[Sphere], generator: np.random.Generator
+    place: Place,
+    surfaces: RealSurfaces,
+    spheres: Sequence[Sphere],
+    generator: np.random.Generator,
+    samples: int,
 ) -> tuple[RealSurfaces, IrradianceReport]:
     """Give the support surfaces the irradiance that the place had, on meshes as fine as this needs.
 
@@ -68,6 +72,7 @@ def recover_irradiance(
         surfaces: the real surfaces as modelled.
         spheres: what encloses the synthetic objects; the meshes are finest near them.
         generator: source of randomness.
+        samples: of each technique at each point, an even number; fewer also refine less, since noise hides deviations.
 
     Returns:
         The real surfaces with refined support and irradiance, and what is known of its accuracy.
@@ -81,7 +86,7 @@ def recover_irradiance(
     vertices = support.vertices
     points, vertices, faces, parent = _subdivide_to_length(points, vertices, faces, parent)
     normal_of = _vertex_normals(points, faces)
-    irradiance, noise = estimate_irradiance(place, _inside(points, faces), normal_of, generator)
+    irradiance, noise = estimate_irradiance(place, _inside(points, faces), normal_of, generator, samples)
     fresh = np.ones(len(faces), bool)
     for _ in range(LEVELS):
         edges = find_edges(faces)
@@ -93,7 +98,7 @@ def recover_irradiance(
         if not len(ends) or len(points) + len(ends) > MOST_VERTICES:
             break
         middles = points[ends].mean(axis=1).astype(np.float32)
-        value, error = estimate_irradiance(place, middles, normal_of[ends[:, 0]], generator)
+        value, error = estimate_irradiance(place, middles, normal_of[ends[:, 0]], generator, samples)
         expected = irradiance[ends].mean(axis=1)
         scale = np.maximum(value.mean(axis=1), DARK * np.median(irradiance))
         deviation = np.abs(value - expected).max(axis=1) / scale
@@ -111,7 +116,7 @@ def recover_irradiance(
         if len(unknown):
             ends = edges.ends[unknown]
             known[unknown], _ = estimate_irradiance(
-                place, points[ends].mean(axis=1).astype(np.float32), normal_of[ends[:, 0]], generator
+                place, points[ends].mean(axis=1).astype(np.float32), normal_of[ends[:, 0]], generator, samples
             )
         middle = np.full(len(edges.ends), -1, np.int64)
         middle[marked] = len(points) + np.arange(int(marked.sum()))
@@ -136,8 +141,9 @@ def recover_irradiance(
             SpecularLobes(surfaces.glosses),
             gloss[shiny],
             generator,
+            samples,
         )
-    report = _check(place, points, faces, irradiance, spheres, generator)
+    report = _check(place, points, faces, irradiance, spheres, generator, 4 * samples)
     return _merge(surfaces, receiving, support, vertices, points, faces, parent, irradiance, mirrored), report
 
 
@@ -280,6 +286,7 @@ def _check(
     irradiance: NDArray[np.float32],
     spheres: Sequence[Sphere],
     generator: np.random.Generator,
+    samples: int,
 ) -> IrradianceReport:
     """Compare the interpolated irradiance with a careful estimate at random points, most of them near objects."""
     corners = points[faces].astype(np.float64)
@@ -288,7 +295,7 @@ def _check(
     face = generator.choice(len(faces), CHECK_POINTS, p=importance / importance.sum())
     weights = generator.dirichlet((1.0, 1.0, 1.0), CHECK_POINTS)
     at = np.einsum("nk,nkx->nx", weights, corners[face]).astype(np.float32)
-    truth, noise = estimate_irradiance(place, at, face_normals(points, faces)[face], generator, 4 * SAMPLES)
+    truth, noise = estimate_irradiance(place, at, face_normals(points, faces)[face], generator, samples)
     interpolated = np.einsum("nk,nkx->nx", weights, irradiance[faces[face]].astype(np.float64))
     bright = truth.mean(axis=1) > DARK * np.median(truth)
     relative = np.abs(interpolated.mean(axis=1) / np.maximum(truth.mean(axis=1), 1e-30) - 1.0)[bright]
