@@ -29,7 +29,7 @@ MORE_LIGHTS = 3
 ROULETTE_DEPTH = 3
 """Scatterings before paths are ended by the light that they still carry."""
 LARGEST_SURVIVAL = 0.95
-WANDERING_GAIN, SMALLEST_SURVIVAL = 6.0, 0.2
+WANDERING_GAIN, SMALLEST_REACH = 6.0, 0.2
 """A path on support surfaces goes on with this many times the share of the hemisphere that objects fill."""
 
 
@@ -171,12 +171,13 @@ class DifferenceIntegrator:
                 cones = bounds.cones(point)
 
             # Roulette: by the light still carried, and on support by what could still be met.
-            survival = mi.Float(1.0)
+            wandering = on_support & ~on_relit & ~first
+            carried = dr.max(throughput)
             if cones is not None:
-                reach = dr.clip(WANDERING_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_SURVIVAL, 1.0)
-                survival = dr.select(on_support & ~on_relit & ~first, reach, 1.0)
-            carried = dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL)
-            survival *= dr.select(depth >= ROULETTE_DEPTH, carried, 1.0)
+                reach = dr.clip(WANDERING_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_REACH, 1.0)
+                carried *= dr.select(wandering, reach, 1.0)
+            weighed = wandering | (depth >= ROULETTE_DEPTH)
+            survival = dr.select(weighed, dr.clip(carried, 0.0, LARGEST_SURVIVAL), 1.0)
             active &= randoms.next(active) < survival
             throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
