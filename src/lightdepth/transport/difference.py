@@ -24,12 +24,12 @@ from lightdepth.transport.randoms import Randoms
 from lightdepth.transport.recovered_albedo import reflectance
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
-MORE_LIGHTS = 3
-"""Further light samples at the support point that the camera sees: a shadow ray there asks only the new surfaces."""
+CANDIDATES = 6
+"""Light samples looked at for each shadow ray; one is kept, in proportion to the light that would arrive."""
 ROULETTE_DEPTH = 3
 """Scatterings before paths are ended by the light that they still carry."""
-LARGEST_SURVIVAL = 0.95
-WANDERING_GAIN, SMALLEST_REACH = 6.0, 0.2
+LARGEST_SURVIVAL = 0.99
+WANDERING_GAIN, SMALLEST_REACH = 6.0, 0.5
 """A path on support surfaces goes on with this many times the share of the hemisphere that objects fill."""
 
 
@@ -55,12 +55,12 @@ class LastScattering:
     Attributes:
         point: where it was, world, metres.
         pdf: density with which its direction was drawn, per steradian; 0 where light sampling could not draw it.
-        map_samples: how many samples of the map's light were taken there, on average.
+        weight_samples: for how many samples of the map's light there multiple importance sampling took them.
     """
 
     point: mi.Point3f
     pdf: mi.Float
-    map_samples: mi.Float
+    weight_samples: mi.Float
 
 
 @dataclass
@@ -135,7 +135,7 @@ class DifferenceIntegrator:
         ray, active = mi.Ray3f(ray), mi.Bool(active)
         radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
         difference, first, covered = mi.Bool(False), mi.Bool(True), mi.Bool(False)
-        last = LastScattering(mi.Point3f(ray.o), mi.Float(0.0), mi.Float(self.map_share))
+        last = LastScattering(mi.Point3f(ray.o), mi.Float(0.0), mi.Float(1.0))
         depth = mi.UInt32(0)
         context = mi.BSDFContext()
         bounds = self.bounds if self.has_support else None
@@ -182,18 +182,17 @@ class DifferenceIntegrator:
             throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
             in_difference = active & on_support & ~on_relit
-            support = SupportScattering(
-                rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, in_difference, specular_scale
-            )
+            # A ray that is not aimed carries more for it: what is heavy already is aimed less, lest weights multiply.
+            aim = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
+            support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, aim, specular_scale)
             vertex = Vertex(
                 point, normal, si, si.bsdf(ray), support, active & on_synthetic, active & on_support, in_difference
             )
 
-            # Light sampling, section 2: several times at the support that the camera sees, where it is cheap.
-            several = first & in_difference
-            map_samples = dr.select(several, self.map_share + MORE_LIGHTS, self.map_share)
-            radiance += throughput * self._direct(randoms, context, vertex, active, first, map_samples, depth)
-            radiance += throughput * self._more_blocked_light(randoms, vertex, several, map_samples)
+            # Light sampling, section 2. In a difference, what decides is whether the one shadow ray is blocked, so
+            # that its candidates weigh no more than one sample.
+            weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
+            radiance += throughput * self._direct(randoms, context, vertex, active, first, weight_samples, depth)
 
             # The next direction.
             choice, x, y = randoms.direction(first, active)
@@ -209,7 +208,7 @@ class DifferenceIntegrator:
             through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
             last.point = dr.select(through, last.point, point)
             last.pdf = dr.select(through, last.pdf, pdf)
-            last.map_samples = dr.select(through, last.map_samples, map_samples)
+            last.weight_samples = dr.select(through, last.weight_samples, weight_samples)
             # What it blocks was subtracted when it was met, so that what shows through it counts in full.
             difference = mi.Bool(in_difference)
             covered &= ~(through & first)
@@ -247,7 +246,7 @@ class DifferenceIntegrator:
             hit = select_hit(hidden, self.surfaces.first_real(ray, hidden), hit)
         wanted = blocked | arrived
         radiance, pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - last.point), wanted)
-        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.map_samples), depth)
+        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), depth)
         return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
 
     def _emission(
@@ -284,7 +283,7 @@ class DifferenceIntegrator:
         vertex: Vertex,
         active: mi.Bool,
         first: mi.Bool,
-        map_samples: mi.Float,
+        weight_samples: mi.Float,
         depth: mi.UInt32,
     ) -> mi.Color3f:
         """Light sampling at a vertex: of the map, or of synthetic emitters.
@@ -295,7 +294,7 @@ class DifferenceIntegrator:
             vertex: where the paths are.
             active: which of them take a sample.
             first: which of them are at their first vertex.
-            map_samples: how many samples of the map the vertex takes in all, on average.
+            weight_samples: for how many samples of the map's light multiple importance sampling takes them.
             depth: scatterings so far.
         """
         choice = dr.select(first, randoms.spread("light")[0], randoms.next(active))
@@ -303,10 +302,12 @@ class DifferenceIntegrator:
         if self.has_emitters:
             from_map = choice < self.map_share
             choice = dr.select(from_map, choice / self.map_share, choice)
+        choice, gain = self._most_useful(randoms, context, vertex, active & from_map, choice, weight_samples)
         light = self.place.light(choice, active & from_map)
         direction, distance, pdf = self.place.toward(light, vertex.point)
-        pdf *= map_samples
-        radiance = light.radiance
+        weighed = pdf * weight_samples
+        radiance = light.radiance * gain
+        pdf *= self.map_share * CANDIDATES
         if self.has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
             reference.p, reference.n = vertex.point, vertex.normal
@@ -315,32 +316,70 @@ class DifferenceIntegrator:
             direction = dr.select(from_map, direction, sampled.d)
             distance = dr.select(from_map, distance, sampled.dist)
             pdf = dr.select(from_map, pdf, sampled.pdf * (1.0 - self.map_share))
+            weighed = dr.select(from_map, weighed, pdf)
             radiance = dr.select(from_map, radiance, weight * sampled.pdf)
 
-        on_synthetic = vertex.on_synthetic & active
-        bsdf_value, bsdf_pdf = vertex.bsdf.eval_pdf(context, vertex.si, vertex.si.to_local(direction), on_synthetic)
-        support_value, support_pdf = vertex.support.evaluate(direction)
-        scattering_pdf = dr.select(vertex.on_synthetic, bsdf_pdf, support_pdf)
-        value = dr.select(vertex.on_synthetic, bsdf_value, support_value) * radiance
-        value *= _mis_weight(pdf, scattering_pdf) / dr.maximum(pdf, 1e-20)
+        value, scattering_pdf = self._scattering(context, vertex, direction, active)
+        value *= radiance * (_mis_weight(weighed, scattering_pdf) / dr.maximum(pdf, 1e-20))
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
         value *= self._visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
         return dr.select(useful, self._clamped(value, depth), 0.0)
 
-    def _more_blocked_light(
-        self, randoms: Randoms, vertex: Vertex, active: mi.Bool, map_samples: mi.Float
-    ) -> mi.Color3f:
-        """Further samples of the map's light at support points: ``-M(l)`` where something new blocks it."""
-        total = mi.Color3f(0.0)
-        for number in range(MORE_LIGHTS):
-            light = self.place.light(randoms.spread("more lights", MORE_LIGHTS, number)[0], active)
-            direction, distance, pdf = self.place.toward(light, vertex.point)
-            pdf *= map_samples
-            value, scattering_pdf = vertex.support.evaluate(direction)
-            value *= light.radiance * (_mis_weight(pdf, scattering_pdf) / dr.maximum(pdf, 1e-20))
-            useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
-            total += value * self._visible(vertex, light, direction, distance, mi.Bool(True), active, useful)
-        return total
+    @dr.syntax
+    def _most_useful(
+        self,
+        randoms: Randoms,
+        context: mi.BSDFContext,
+        vertex: Vertex,
+        active: mi.Bool,
+        choice: mi.Float,
+        weight_samples: mi.Float,
+    ) -> tuple[mi.Float, mi.Float]:
+        """One out of several light samples of the map, in proportion to what they would bring if nothing were between.
+
+        This is resampling (Talbot et al. 2005): the sum over the candidates is kept in expectation, and only one shadow
+        ray is traced. On support, a candidate that no object's bound is near of brings nothing.
+
+        Args:
+            randoms: random numbers of the paths.
+            context: for the BSDFs.
+            vertex: where light arrives.
+            active: which paths take a sample.
+            choice: uniform random number that picks the first candidate; the others follow evenly.
+            weight_samples: for how many samples of the map's light multiple importance sampling takes them.
+
+        Returns:
+            The number to give to :meth:`Place.light`, and the factor on what it brings.
+        """
+        kept, kept_target, total = mi.Float(choice), mi.Float(0.0), mi.Float(0.0)
+        candidate = mi.UInt32(0)
+        while candidate < CANDIDATES:
+            number = choice + mi.Float(candidate) * (1.0 / CANDIDATES)
+            number -= dr.floor(number)
+            light = self.place.light(number, active)
+            direction, _, pdf = self.place.toward(light, vertex.point)
+            value, scattering_pdf = self._scattering(context, vertex, direction, active)
+            weight = _mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20)
+            counts = (pdf > 0.0) & (~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction))
+            target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
+            total += target
+            taken = randoms.next(active) * total < target
+            kept, kept_target = dr.select(taken, number, kept), dr.select(taken, target, kept_target)
+            candidate += 1
+        return kept, dr.select(kept_target > 0.0, total / dr.maximum(kept_target, 1e-30), 0.0)
+
+    @staticmethod
+    def _scattering(
+        context: mi.BSDFContext, vertex: Vertex, direction: mi.Vector3f, active: mi.Bool
+    ) -> tuple[mi.Color3f, mi.Float]:
+        """``f |cos|`` and the density per steradian of scattering toward directions, on new surfaces and support."""
+        on_synthetic = vertex.on_synthetic & active
+        bsdf_value, bsdf_pdf = vertex.bsdf.eval_pdf(context, vertex.si, vertex.si.to_local(direction), on_synthetic)
+        support_value, support_pdf = vertex.support.evaluate(direction)
+        return (
+            dr.select(vertex.on_synthetic, bsdf_value, support_value),
+            dr.select(vertex.on_synthetic, bsdf_pdf, support_pdf),
+        )
 
     def _visible(
         self,

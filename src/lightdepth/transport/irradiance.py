@@ -93,7 +93,7 @@ def _estimate(
             normal = dr.gather(mi.Vector3f, mi.Float(normals[chunk].reshape(-1)), owner)
             toward = dr.gather(mi.Vector3f, mi.Float(outgoing[chunk].astype(np.float32).reshape(-1)), owner)
             number = dr.gather(mi.UInt32, mi.UInt32(gloss[chunk]), owner)
-            lobe = SupportScattering(mi.Color3f(albedo), normal, toward, lobes, number, None, mi.Bool(False))
+            lobe = SupportScattering(mi.Color3f(albedo), normal, toward, lobes, number, None, mi.Float(0.0))
             point = dr.gather(mi.Point3f, mi.Float(points[chunk].reshape(-1)), owner)
             shifts = mi.Float(generator.random(4 * len(chunk), dtype=np.float32))
             shift = dr.gather(mi.Vector4f, shifts, owner)

@@ -11,7 +11,6 @@ STEPS = {
     "film": (0.7548776662, 0.5698402910),
     "lens": (0.7548776662, 0.5698402910),
     "light": (0.6180339887,),
-    "more lights": (0.6180339887,),
     "direction": (0.8191725134, 0.6710436067, 0.5497004779),
 }
 """Additive recurrences by what they are for: the golden ratio and its relatives in two and three dimensions."""
@@ -44,19 +43,17 @@ class Randoms:
         choice = dr.select(first, x, self.next(active))
         return choice, dr.select(first, y, self.next(active)), dr.select(first, z, self.next(active))
 
-    def spread(self, name: str, stride: int = 1, offset: int = 0) -> list[mi.Float]:
+    def spread(self, name: str) -> list[mi.Float]:
         """Numbers in [0, 1) that are well spread over the pixel's samples.
 
         Args:
             name: what they are for, a key of ``STEPS``.
-            stride: how many of them each sample takes.
-            offset: which of these, below ``stride``.
         """
         numbers = []
         for dimension, step in enumerate(STEPS[name]):
             salt = 16 * list(STEPS).index(name) + dimension
             shift, _ = mi.sample_tea_32(self.pixel, mi.UInt32(salt))
-            fixed_point = shift + (self.index * stride + offset) * mi.UInt32(round(step * 2**32))
+            fixed_point = shift + self.index * mi.UInt32(round(step * 2**32))
             numbers.append(mi.Float(fixed_point >> 8) * (1.0 / 2**24))
         return numbers
 

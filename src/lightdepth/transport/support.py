@@ -51,7 +51,7 @@ class SupportScattering:
         lobes: the specular lobes that occur.
         gloss: number of the specular lobe at each point, 0 for none.
         cones: the objects' bounds from each point, or ``None`` where nothing is to be aimed at.
-        aim: where rays may be aimed.
+        aim: factor on the share of the rays that are aimed, 0 to 1.
         specular_scale: factor on the specular lobe per channel.
     """
 
@@ -63,14 +63,14 @@ class SupportScattering:
         lobes: SpecularLobes,
         gloss: mi.UInt32,
         cones: Cones | None,
-        aim: mi.Bool,
+        aim: mi.Float,
         specular_scale: mi.Color3f | float = 1.0,
     ) -> None:
         self._albedo, self._frame, self._lobes, self._gloss = albedo, mi.Frame3f(normal), lobes, gloss
         self._outgoing = self._frame.to_local(outgoing)
         self._specular_scale = mi.Color3f(specular_scale)
         self._cones = cones
-        self._aimed = dr.select(aim, cones.aimed_share, 0.0) if cones is not None else mi.Float(0.0)
+        self._aimed = aim * cones.aimed_share if cones is not None else mi.Float(0.0)
         self._glossy = dr.select(gloss > 0, GLOSSY_SHARE, 0.0) if lobes.any else mi.Float(0.0)
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
@@ -87,6 +87,10 @@ class SupportScattering:
             toward_objects = self._cones.sample(choice / dr.maximum(self._aimed, 1e-6), position)
             direction = dr.select(aimed, toward_objects, direction)
         return direction
+
+    def may_meet_objects(self, direction: mi.Vector3f) -> mi.Bool:
+        """Whether unit directions in world space lead into the objects' bounds."""
+        return self._cones.pdf(direction) > 0.0 if self._cones is not None else mi.Bool(True)
 
     def evaluate(self, direction: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
         """``f_p |cos|`` and the density of :meth:`sample` per steradian for unit directions in world space."""
