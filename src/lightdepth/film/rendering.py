@@ -183,8 +183,9 @@ class Rendering:
             np.minimum(more, MOST_SHARE * samples, out=more)
             whole = spent + left
         else:
-            # The error falls with the square root of the number of samples.
-            more = np.square(self._smoothed(self._accumulator.relative_errors(self._dark)) / np.float32(noise))
+            # The error falls with the square root of the number of samples. A pixel is not done that stands out.
+            errors = self._accumulator.relative_errors(self._dark)
+            more = np.square(np.maximum(errors, self._smoothed(errors)) / np.float32(noise))
             more *= taken
             np.minimum(more, samples, out=more)
             more -= taken
