@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
@@ -37,7 +38,7 @@ def cost(quick: bool, console: Console) -> dict[str, Any]:
         ("Width of the panorama (the objects fill the same share of it)", _widths),
         ("Number of objects", _object_counts),
         ("Triangles of one object", _triangles),
-        ("Start to picture: a process of its own, 512 pixels wide, 4 samples", _starts),
+        ("Seconds from starting Python to a draft of the demo, and to another one", _starts),
         ("Memory and time of an 8192x4096 panorama in and out", _large),
     ):
         console.print(f"cost: {title}", highlight=False, markup=False)
@@ -81,7 +82,7 @@ def _against_path(quick: bool) -> tuple[list[str], list[list[str]]]:
     return ["renderer", "microseconds a sample", "ratio"], rows
 
 
-def _panorama_scene(place: Place, width: int) -> Scene:
+def panorama_scene(place: Place, width: int) -> Scene:
     """The room with a photograph of any width: a small one enlarged, which costs the same to render."""
     scene = place.scene(256, 256)
     radiance = np.repeat(np.repeat(scene.panorama.radiance, width // 256, axis=0), width // 256, axis=1)
@@ -90,24 +91,33 @@ def _panorama_scene(place: Place, width: int) -> Scene:
 
 
 def _widths(quick: bool) -> tuple[list[str], list[list[str]]]:
+    """Each width in a process of its own: the largest takes most of a machine's memory."""
+    floor_scene()  # The photograph is path-traced and cached before.
     rows = []
     for width in (1024, 2048) if quick else (1024, 2048, 4096, 8192, 16384):
-        scene = _panorama_scene(_floor_only(lamp_and_window("mixed")), width)
-        seconds, frame = _timed(scene, "panorama", 1, repeats=1 if quick else 2)
-        influenced = int((frame.samples > 0).sum())
+        code = (
+            "import json; from statistics import median; from bench.cost import *; from bench.cost import _timed;"
+            f"seconds, frame = _timed(panorama_scene(floor_only(lamp_and_window('mixed')), {width}), 'panorama', 1, 2);"
+            "print(json.dumps([median(seconds), int((frame.samples > 0).sum()), frame.samples.size]))"
+        )
+        try:
+            seconds, influenced, pixels = json.loads(_python(code).splitlines()[-1])
+        except subprocess.CalledProcessError as error:
+            rows.append([f"{width} x {width // 2}", f"failed ({error.returncode}): not enough memory?", "", "", ""])
+            continue
         rows.append(
             [
                 f"{width} x {width // 2}",
                 f"{influenced / 1e6:.3f}",
-                f"{influenced / frame.samples.size:.1%}",
-                f"{median(seconds):.2f}",
-                f"{1e6 * median(seconds) / max(int(frame.samples.astype(np.int64).sum()), 1):.2f}",
+                f"{influenced / pixels:.1%}",
+                f"{seconds:.2f}",
+                f"{1e6 * seconds / max(influenced, 1):.2f}",
             ]
         )
     return ["panorama", "influenced, million pixels", "share", "seconds", "microseconds an influenced pixel"], rows
 
 
-def _floor_only(place: Place) -> Place:
+def floor_only(place: Place) -> Place:
     """The place with the floor as its only support: walls give light but are not changed, as in everyday use."""
     return place.with_support(("floor",))
 
@@ -140,7 +150,7 @@ def _triangles(quick: bool) -> tuple[list[str], list[list[str]]]:
 
 
 def _object_row(place: Place, quick: bool) -> list[str]:
-    scene = _floor_only(place).scene(256, 256, view_width=96 if quick else 320)
+    scene = floor_only(place).scene(256, 256, view_width=96 if quick else 320)
     seconds, frame = _timed(scene, "view", 4 if quick else 16)
     return [
         f"{median(seconds):.2f}",
@@ -148,46 +158,55 @@ def _object_row(place: Place, quick: bool) -> list[str]:
     ]
 
 
-def _run_process(code: str, environment: dict[str, str]) -> float:
-    began = time.perf_counter()
-    subprocess.run([sys.executable, "-c", code], check=True, env={**os.environ, **environment}, cwd=ROOT)
-    return time.perf_counter() - began
+def _python(code: str, **environment: str) -> str:
+    """What a Python process of its own prints."""
+    path = os.pathsep.join([str(ROOT), str(ROOT / "src")])
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        check=True,
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": path, **environment},
+        stdout=subprocess.PIPE,
+        text=True,
+    ).stdout
 
 
 def _starts(quick: bool) -> tuple[list[str], list[list[str]]]:
-    """Cold: with an empty kernel cache; warm: with the one that the first run left."""
-    code = (
-        "import lightdepth; from bench.places import lamp_and_window; from bench.cost import floor_scene;"
-        "lightdepth.render(floor_scene(), camera='panorama', samples=4)"
-    )
-    floor_scene()  # The photograph is path-traced and cached before.
-    with tempfile.TemporaryDirectory() as cache:
-        environment = {"DRJIT_CACHE_DIR": cache, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])}
-        cold = _run_process(code, environment)
-        warm = [_run_process(code, environment) for _ in range(1 if quick else 3)]
-    return ["start", "seconds"], [["cold", f"{cold:.1f}"], ["warm", f"{median(warm):.1f}"]]
+    """From nothing to a picture of the demo: a draft of the fulldome and the panorama, and once more in the process.
+
+    Cold: with an empty kernel cache; warm: with the one that the first run left.
+    """
+    rows = []
+    for camera in ("dome", "pano"):
+        code = (
+            "import time; began = time.perf_counter(); import lightdepth;"
+            f"scene = lightdepth.load_scene('examples/lounge/scene.toml'); draft = dict(camera={camera!r}, draft=True);"
+            "lightdepth.render(scene, **draft); first = time.perf_counter(); lightdepth.render(scene, seed=1, **draft);"
+            "print(first - began, time.perf_counter() - first)"
+        )
+        with tempfile.TemporaryDirectory() as cache:
+            runs = [_python(code, DRJIT_CACHE_DIR=cache).split() for _ in range(2 if quick else 4)]
+        cold, *warm = ([float(value) for value in run] for run in runs)
+        first, again = (median(values) for values in zip(*warm, strict=True))
+        rows.append([camera, f"{cold[0]:.1f}", f"{first:.1f}", f"{again:.1f}"])
+    return ["camera", "cold: empty kernel cache", "warm: kernels cached", "again in the same process"], rows
 
 
 def floor_scene() -> Scene:
-    """The room as the start-up measurement renders it."""
-    return _panorama_scene(_floor_only(lamp_and_window("mixed")), 512)
+    """The room with a small photograph, which the larger ones are made from."""
+    return panorama_scene(floor_only(lamp_and_window("mixed")), 512)
 
 
 def _large(quick: bool) -> tuple[list[str], list[list[str]]]:
     width = 2048 if quick else 8192
     code = (
-        "import resource, time, lightdepth; from bench.places import lamp_and_window;"
-        "from bench.cost import _panorama_scene, _floor_only;"
-        f"scene = _panorama_scene(_floor_only(lamp_and_window('mixed')), {width});"
+        "import resource, time, lightdepth; from bench.cost import *;"
+        f"scene = panorama_scene(floor_only(lamp_and_window('mixed')), {width});"
         "r = lambda n, s: lightdepth.render(scene, camera='panorama', samples=n, seed=s);"
         "r(1, 0); a = time.perf_counter(); r(1, 1); b = time.perf_counter(); r(3, 2); c = time.perf_counter();"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, (c - b - (b - a)) / 2)"
     )
     floor_scene()
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "src")])}
-    done = subprocess.run(
-        [sys.executable, "-c", code], check=True, env=environment, cwd=ROOT, capture_output=True, text=True
-    )
-    memory, seconds = done.stdout.split()[-2:]
+    memory, seconds = _python(code).split()[-2:]
     row = [f"{width} x {width // 2}", f"{float(memory):.2f} GiB", f"{float(seconds):.2f} s"]
     return ["panorama in and out", "peak memory of the process", "time a sample a pixel"], [row]

@@ -36,7 +36,7 @@ class Effort:
         cameras: width of each camera's image.
         truth_samples: camera rays a pixel of the truth.
         budgets: samples a pixel that each method is given; the largest is for convergence, and run once.
-        repeats: how often the other budgets are timed; what is denoised, once.
+        repeats: how often the other budgets are timed through the camera ``view``; what is denoised, once.
         converged: samples a pixel of one more rendering of ``difference``, from which its bias is seen.
         places: names of the places.
         objects: the object set.
@@ -53,7 +53,7 @@ class Effort:
 
 
 QUICK = Effort((128, 512), {"view": 64}, 512, (4, 8, 16), 1, 64)
-FULL = Effort((512, 512), {"view": 160, "panorama": 192}, 2048, (4, 16, 64, 256), 3, 2048)
+FULL = Effort((512, 512), {"view": 160, "panorama": 192}, 2048, (4, 16, 64, 256), 3, 1024)
 
 
 def take_shot(place: Place, camera: str, effort: Effort) -> tuple[Shot, Estimate]:
@@ -108,7 +108,7 @@ def plan_of(name: str, camera: str, model: str, denoise: bool, effort: Effort) -
     if denoise:
         return [timed]
     extra = (effort.converged,) if name == "difference" and camera == "view" else ()
-    return [timed] * effort.repeats + [largest + extra]
+    return [timed] * (effort.repeats if camera == "view" else 1) + [largest + extra]
 
 
 def run(effort: Effort, console: Console) -> dict[str, Any]:
