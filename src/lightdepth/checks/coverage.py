@@ -27,16 +27,16 @@ class Hole:
         share: of all directions, in [0, 1].
         azimuth: of its middle, degrees, 0 at the panorama's centre column, growing to the right.
         elevation: of its middle, degrees above the panorama's horizon.
-        row: the panorama's pixel there.
-        column: the panorama's pixel there.
+        row: the panorama's pixel there; ``None`` where its image could not be read.
+        column: likewise.
         direction: the same in world space, unit.
     """
 
     share: float
     azimuth: float
     elevation: float
-    row: int
-    column: int
+    row: int | None
+    column: int | None
     direction: tuple[float, float, float]
 
 
@@ -70,19 +70,26 @@ def measure_coverage(view: CaptureView, scene: Scene) -> Coverage:
     )
 
 
-def hole_problems(coverage: Coverage) -> list[Problem]:
-    """Tell of holes: what is seen through them counts as sky."""
+def hole_problems(coverage: Coverage, unread: int = 0) -> list[Problem]:
+    """Tell of holes: what is seen through them counts as sky.
+
+    Args:
+        coverage: of the real surfaces that are there.
+        unread: how many further ones could not be read.
+    """
     hole = coverage.largest_hole
     if hole is None or 1.0 - coverage.share < NEGLIGIBLE_HOLES:
         return []
     x, y, z = hole.direction
+    pixel = "" if hole.row is None else f"row {hole.row}, column {hole.column}; "
+    without = f", without {_surfaces(unread)} that could not be read," if unread else ""
     return [
         Problem(
             Severity.WARNING,
-            f"[[real]]: {_percent(1.0 - coverage.share)} of all directions hit no real surface and count as infinitely "
-            f"far, which is right for sky only; the largest hole ({_percent(hole.share)}) is around azimuth "
-            f"{hole.azimuth:.1f}, elevation {hole.elevation:.1f} degrees of the panorama (row {hole.row}, column "
-            f"{hole.column}; world direction {x:.3f} {y:.3f} {z:.3f})",
+            f"[[real]]: {_percent(1.0 - coverage.share)} of all directions{without} hit no real surface and count as "
+            f"infinitely far, which is right for sky only; the largest hole ({_percent(hole.share)}) is around azimuth "
+            f"{hole.azimuth:.1f}, elevation {hole.elevation:.1f} degrees of the panorama ({pixel}world direction "
+            f"{x:.3f} {y:.3f} {z:.3f})",
         )
     ]
 
@@ -106,8 +113,8 @@ def _largest_hole(view: CaptureView, missing: NDArray[np.bool_], panorama_height
         share=float(shares.max()),
         azimuth=float(360.0 * ((column + 0.5) / width - 0.5)),
         elevation=float(90.0 - 180.0 * (row + 0.5) / height),
-        row=int((row + 0.5) * scale),
-        column=int((column + 0.5) * scale),
+        row=int((row + 0.5) * scale) if panorama_height else None,
+        column=int((column + 0.5) * scale) if panorama_height else None,
         direction=(x, y, z),
     )
 
@@ -124,6 +131,10 @@ def _connected(marked: NDArray[np.bool_]) -> NDArray[np.intp]:
     meeting = coo_array((np.ones(len(one)), (one, other)), shape=(count + 1, count + 1))
     # Number 0, what is not marked, meets nothing: it stays a component of its own, and the first.
     return np.asarray(connected_components(meeting, directed=False)[1])[regions]
+
+
+def _surfaces(count: int) -> str:
+    return f"{count} surface{'' if count == 1 else 's'}"
 
 
 def _percent(share: float) -> str:

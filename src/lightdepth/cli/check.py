@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,15 +31,10 @@ def check(
 
     Example: lightdepth check examples/lounge/scene.toml
     """
-    from lightdepth.checks import Severity, inspect_scene
-    from lightdepth.checks.loading import load_for_checks
+    from lightdepth.checks import Severity, inspect_file
 
-    loaded, problems = load_for_checks(scene)
-    coverage = None
-    if loaded is not None:
-        inspection = inspect_scene(loaded)
-        problems += inspection.problems
-        coverage = inspection.coverage
+    inspection = inspect_file(scene)
+    problems, coverage = inspection.problems, inspection.coverage
     if as_json:
         found = {"scene": str(scene), "problems": [asdict(problem) for problem in problems]}
         typer.echo(json.dumps(found | {"coverage": None if coverage is None else asdict(coverage)}, indent=2))
@@ -48,7 +44,7 @@ def check(
         raise typer.Exit(InputError.exit_status)
 
 
-def _print_report(scene: Path, problems: list[Problem], coverage: Coverage | None) -> None:
+def _print_report(scene: Path, problems: Sequence[Problem], coverage: Coverage | None) -> None:
     console = Console(soft_wrap=False, highlight=False)
     if problems:
         table = Table(show_header=False, box=None, padding=(0, 1, 1, 0))
