@@ -104,10 +104,27 @@ def test_json(command, tmp_path):
     assert [problem["severity"] for problem in report["problems"]] == ["hint"]
 
 
-def test_warnings_alone_are_no_failure(command, tmp_path):
-    scene = make_room(tmp_path)
+def without_walls(scene):
     edit(scene, '[[real]]\nname = "walls"\nmesh = "walls.ply"\nrole = "environment"\n', "")
+
+
+def test_a_hole_is_an_error_unless_it_is_sky(command, tmp_path):
+    scene = make_room(tmp_path)
+    without_walls(scene)
     status, output, _ = command("check", scene)
-    assert status == 0
+    assert status == 2
     assert "hit no real surface" in output
     assert "largest hole" in output
+    edit(scene, 'image = "room.exr"', 'image = "room.exr"\nsky = true')
+    status, output, _ = command("check", scene)
+    assert status == 0
+    assert "% are sky" in output
+    assert "no problems" in output
+
+
+def test_warnings_alone_are_no_failure(command, tmp_path):
+    scene = make_room(tmp_path)
+    write_panorama(tmp_path / "room.exr", np.zeros((16, 32), np.float32))
+    status, output, _ = command("check", scene)
+    assert status == 0
+    assert "black everywhere" in output

@@ -79,12 +79,13 @@ def _inspect(scene: Scene, unread: int = 0) -> Inspection:
         return Inspection(tuple(problems), None)
     view = look_around(scene)
     coverage = measure_coverage(view, scene)
-    problems += hole_problems(coverage, unread)
+    misplaced: list[Problem] = []
     if scene.real:
         misplaced = capture_point_problems(view, [object_mesh(t).vertices.mean(axis=0) for t in scene.synthetic])
-        problems += misplaced
-        if not misplaced:  # Seen from a wrong point, everything else looks wrong as well.
-            problems += [problem for surface in scene.real for problem in support_problems(surface, view)]
-            problems += object_problems(scene.synthetic, view)
+    problems += misplaced
+    if not misplaced:  # Seen from a wrong point, everything else looks wrong as well.
+        problems += hole_problems(coverage, unread)
+        problems += [problem for surface in scene.real for problem in support_problems(surface, view)]
+        problems += object_problems(scene.synthetic, view) if scene.real else []
     order = list(Severity)
     return Inspection(tuple(sorted(problems, key=lambda problem: order.index(problem.severity))), coverage)

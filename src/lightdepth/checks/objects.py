@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.checks.capture_point import CLOSED
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.sampling import hidden, object_mesh, surface_points
 from lightdepth.checks.view import CaptureView, enclosure
@@ -18,7 +19,8 @@ DELIBERATE_GAP = 0.3
 CONTACT = 0.002
 """Metres: smaller gaps and overlaps are no mistake."""
 MOSTLY_CLOSED = 2 / 3
-"""From this share of directions on that meet a real surface, the capture point is in a room, with a hole perhaps."""
+"""From this share of directions on that meet a real surface, the capture point is in a room, with a hole perhaps; where
+the rest is declared sky, from ``CLOSED`` on."""
 MUCH_LESS = 0.75
 """An object that is enclosed by less than this part of what encloses the capture point is not in the same room."""
 COPLANAR = 0.0005
@@ -59,13 +61,13 @@ def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) ->
     if lamp:
         message = "is a lamp that real surfaces hide from the capture point; they hold back its light as well"
         return Problem(Severity.HINT, message) if concealed else None
-    beyond = bool(np.any((points.max(axis=0) < view.low) | (points.min(axis=0) > view.high)))
+    beyond = not view.sky and bool(np.any((points.max(axis=0) < view.low) | (points.min(axis=0) > view.high)))
     if not concealed and not beyond:
         return None
     middle = points.mean(axis=0)
     covered = view.share(view.surface >= 0)
     enclosed = max(enclosure(view.caster, point) for point in (middle, *points[:: len(points) // 4]))
-    if covered > MOSTLY_CLOSED and (beyond or enclosed < MUCH_LESS * covered):
+    if covered > (CLOSED if view.sky else MOSTLY_CLOSED) and (beyond or enclosed < MUCH_LESS * covered):
         x, y, z = middle
         where = "beyond all real surfaces" if beyond else "and the real surfaces hide all of it from the capture point"
         return Problem(Severity.ERROR, f"is outside the room: its middle is at [{x:.3g}, {y:.3g}, {z:.3g}], {where}")

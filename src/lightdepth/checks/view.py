@@ -21,6 +21,7 @@ class CaptureView:
 
     Attributes:
         position: capture point, world, metres, shape (3,).
+        sky: whether what no mesh covers is declared sky.
         caster: of the real meshes.
         names: of the real meshes, as hits number them.
         low: least coordinates of the real meshes, world, metres, shape (3,); inf without meshes.
@@ -33,6 +34,7 @@ class CaptureView:
     """
 
     position: NDArray[np.float64]
+    sky: bool
     caster: RayCaster
     names: tuple[str, ...]
     low: NDArray[np.float32]
@@ -59,6 +61,7 @@ def look_around(scene: Scene) -> CaptureView:
     away = np.einsum("ij,ij->i", hits.normal, directions.reshape(-1, 3)) > 0.0
     return CaptureView(
         position=scene.panorama.position,
+        sky=scene.panorama.sky,
         caster=caster,
         names=tuple(surface.name for surface in scene.real),
         low=vertices.min(axis=0, initial=np.inf),

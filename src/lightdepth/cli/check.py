@@ -55,7 +55,10 @@ def _print_report(scene: Path, problems: Sequence[Problem], coverage: Coverage |
         console.print(table)
     if coverage is not None:
         parts = ", ".join(f"{name} {100 * share:.1f} %" for name, share in coverage.by_surface.items())
-        console.print(Text(f"coverage: {100 * coverage.share:.1f} % of all directions meet a real surface ({parts})"))
+        sky = f"; {100 * coverage.sky:.1f} % are sky" if coverage.sky else ""
+        console.print(
+            Text(f"coverage: {100 * coverage.share:.1f} % of all directions meet a real surface ({parts}){sky}")
+        )
     counts = {kind: sum(problem.severity == kind for problem in problems) for kind in COLORS}
     summary = ", ".join(f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items() if count)
     console.print(Text(f"{scene}: {summary or 'no problems'}"))

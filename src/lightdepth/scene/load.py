@@ -108,7 +108,7 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
 
 
 def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems: Problems) -> Panorama:
-    panorama = Panorama(NO_PICTURE, np.array(pose.position), euler_rotation(pose.rotation))
+    panorama = Panorama(NO_PICTURE, np.array(pose.position), euler_rotation(pose.rotation), sky=pose.sky)
     if picture is None:
         return panorama
     if picture.depth is not None:

@@ -60,10 +60,11 @@ class Placed(Table):
 
 
 class CapturePose(Table):
-    """``[panorama]``: where the photograph was taken, and which way it was turned."""
+    """``[panorama]``: where the photograph was taken, which way it was turned, and whether in the open."""
 
     position: Vector3 = (0.0, 0.0, 0.0)
     rotation: Vector3 = (0.0, 0.0, 0.0)
+    sky: Annotated[bool, Field(strict=True)] = False
 
 
 class Picture(Table):
