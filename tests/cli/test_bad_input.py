@@ -154,14 +154,14 @@ def test_check_tells(command, tmp_path, spoil):
     assert _files(tmp_path) == before
 
 
-@pytest.mark.parametrize("spoil", BAD, ids=lambda spoil: spoil.__name__)
+@pytest.mark.parametrize("spoil", UNREADABLE, ids=lambda spoil: spoil.__name__)
 def test_render_refuses(command, tmp_path, spoil):
     scene = make_room(tmp_path)
     spoil(scene)
     before = _files(tmp_path)
     status, output, errors = command("render", scene, "-o", tmp_path / "out" / "picture.exr", "--samples", "1")
     assert status == 2
-    assert BAD[spoil] in errors
+    assert UNREADABLE[spoil] in errors
     assert "Traceback" not in output + errors
     assert _files(tmp_path) == before
 
