@@ -96,7 +96,7 @@ def compare(
     full = traced(full_scene, "the place with the objects", samples, 1)
     full = replace(full, variance=full.variance + empty.variance)
     scene = Scene(
-        panorama=Panorama(photograph.mean.astype(np.float32), position, np.eye(3)),
+        panorama=Panorama(photograph.mean.astype(np.float32), position, np.eye(3), sky=True),
         real=tuple(_real_surfaces(empty_scene, turn)),
         synthetic=objects,
         cameras={"panorama": view},

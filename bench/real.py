@@ -58,7 +58,7 @@ def real(quick: bool, console: Console) -> dict[str, Any] | None:
             return None
         position, turn = np.array([0.0, 0.0, height]), euler_rotation((0.0, 0.0, 0.0))
         scene = Scene(
-            panorama=Panorama(read_radiance(path), position, turn),
+            panorama=Panorama(read_radiance(path), position, turn, sky=True),
             real=surfaces,
             synthetic=object_set("mixed", (0.1, 1.3)),
             cameras={"shot": CameraView(Equirectangular(type="equirectangular", width=WIDTH), position, turn)},

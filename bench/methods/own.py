@@ -17,7 +17,9 @@ from lightdepth.scene.model import Panorama, RealSurface, RenderSettings, Scene
 def scene_of(shot: Shot) -> Scene:
     """What a user of lightdepth hands over for a shot; its camera is called ``shot``."""
     return Scene(
-        panorama=Panorama(shot.panorama, shot.capture, euler_rotation(shot.place.rotation)),
+        panorama=Panorama(
+            shot.panorama, shot.capture, euler_rotation(shot.place.rotation), sky=shot.place.sky is not None
+        ),
         real=tuple(RealSurface(part.name, part.mesh, part.role) for part in shot.modelled),
         synthetic=shot.place.objects,
         cameras={"shot": shot.view},

@@ -104,6 +104,7 @@ class Place:
                 radiance=photograph(self, panorama_width, panorama_samples).mean.astype(np.float32),
                 position=np.asarray(self.position) + np.asarray(self.capture_error),
                 rotation=euler_rotation(self.rotation),
+                sky=self.sky is not None,
             ),
             real=tuple(RealSurface(part.name, part.mesh, part.role) for part in real),
             synthetic=self.objects,

@@ -30,7 +30,7 @@ def render(
     seed: int | None = None,
     device: Device = "auto",
     denoise: bool = False,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[Progress], bool | None] | None = None,
 ) -> Frame:
     """Render a camera of a scene.
 
@@ -43,22 +43,17 @@ def render(
         seed: of the random numbers; the scene's own setting by default.
         device: ``auto``, ``cpu`` or ``cuda``.
         denoise: denoise the change and the synthetic layer.
-        progress: called after every pass.
+        progress: called after every pass; where it returns true, the rendering stops with what it has.
 
     Returns:
         The image with its layers.
 
     Raises:
-        InputError: the camera or the method is unknown, or the scene cannot be rendered.
+        InputError: the camera or the method is unknown, or ``lightdepth check`` finds an error in the scene.
         SetupError: the renderer or the denoiser is not installed rightly.
     """
-    settings = scene.render
     rendering = begin_rendering(scene, camera, method, seed, device)
-    noise = settings.noise if noise is None else noise
-    for step in rendering.run(settings.samples if samples is None else samples, noise):
-        if progress is not None:
-            progress(step)
-    frame = rendering.frame()
+    frame = rendering.complete(samples, noise, progress)
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
 
@@ -72,16 +67,29 @@ def begin_rendering(
     method: str = DEFAULT_METHOD,
     seed: int | None = None,
     device: Device = "auto",
+    warn: Callable[[str], None] | None = None,
 ) -> Rendering:
     """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
 
-    Takes the arguments and raises the errors of :func:`render`. What the cameras of a scene share is prepared once.
+    ``Rendering.complete`` does both. What the cameras of a scene share is checked and prepared once.
+
+    Args:
+        scene: what to render; this and what follows is as for :func:`render`, which raises the same errors.
+        camera: name of the camera.
+        method: name of the method.
+        seed: of the random numbers.
+        device: ``auto``, ``cpu`` or ``cuda``.
+        warn: told what will make the picture wrong in places, before the preparation takes its time.
     """
+    view = find_camera(scene, camera)
     start(device)
+    find_method(method)
+    for warning in _renderable(scene):
+        if warn is not None:
+            warn(warning)
     from lightdepth.film.rendering import Rendering
 
-    view = find_camera(scene, camera)
-    return Rendering(scene, _prepare(scene, method), view, scene.render.seed if seed is None else seed)
+    return Rendering(scene, _prepare(scene, method), view, method, scene.render.seed if seed is None else seed)
 
 
 def find_camera(scene: Scene, name: str | None) -> CameraView:
@@ -115,7 +123,26 @@ def forget_prepared() -> None:
     import drjit as dr
 
     _prepare.cache_clear()
+    _renderable.cache_clear()
     dr.flush_malloc_cache()
+
+
+@lru_cache(maxsize=2)
+def _renderable(scene: Scene) -> tuple[str, ...]:
+    """What will make pictures of a scene wrong in places.
+
+    Raises:
+        InputError: there is what would make them meaningless; a line for each such problem.
+    """
+    from lightdepth.checks import Severity, find_problems
+
+    problems = find_problems(scene)
+    told = {
+        kind: [f"{scene.path or 'scene'}: {p.message}" for p in problems if p.severity is kind] for kind in Severity
+    }
+    if told[Severity.ERROR]:
+        raise InputError("\n".join(told[Severity.ERROR]))
+    return (*scene.panorama.repairs, *told[Severity.WARNING])
 
 
 @lru_cache(maxsize=2)

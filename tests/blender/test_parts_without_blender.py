@@ -70,7 +70,7 @@ def test_an_interrupted_renderer_writes_what_it_has(renderer, tmp_path):
         "endloop\nendfacet\nendsolid\n"
     )
     (tmp_path / "scene.toml").write_text(
-        '[panorama]\nimage = "grey.exr"\nposition = [0.0, 0.0, 1.6]\n'
+        '[panorama]\nimage = "grey.exr"\nposition = [0.0, 0.0, 1.6]\nsky = true\n'
         '[[real]]\nname = "floor"\nmesh = "floor.stl"\nrole = "support"\n'
         '[[synthetic]]\nname = "ball"\nshape = "sphere"\ncenter = [0.0, 2.0, 0.4]\nradius = 0.4\n'
         'material = { type = "diffuse", color = [0.5, 0.5, 0.5] }\n'

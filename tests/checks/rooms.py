@@ -58,9 +58,10 @@ def sphere(center, radius, name="ball"):
     return thing(AnalyticShape("sphere", to_world), name)
 
 
-def scene(real=None, synthetic=(), position=CAPTURE, rotation=None, radiance=None, depth=None):
+def scene(real=None, synthetic=(), position=CAPTURE, rotation=None, radiance=None, depth=None, sky=False):
     if radiance is None:
         radiance = np.full((32, 64, 3), 0.5, np.float32)
         radiance[10, 12] = 50.0
-    panorama = Panorama(radiance, np.asarray(position, float), np.eye(3) if rotation is None else rotation, depth)
+    rotation = np.eye(3) if rotation is None else rotation
+    panorama = Panorama(radiance, np.asarray(position, float), rotation, depth, sky)
     return Scene(panorama, room() if real is None else tuple(real), tuple(synthetic))

@@ -60,4 +60,4 @@ def test_capture_point_outside_the_room(position, wound_outward):
 def test_open_places_are_no_rooms():
     table = RealSurface("table", box([-0.5, 0.5, 0.0], [0.5, 1.2, 0.7]), Role.SUPPORT)
     for real in ([RealSurface("ground", side("floor"), Role.SUPPORT)], [table]):
-        assert errors(scene(real, position=[0.0, -0.5, 1.6])) == []
+        assert errors(scene(real, position=[0.0, -0.5, 1.6], sky=True)) == []

@@ -3,8 +3,9 @@ import pytest
 
 from lightdepth.checks import Severity, find_problems, inspect_scene
 from lightdepth.directions import euler_rotation, latlong_to_direction
+from lightdepth.scene.model import Mesh
 
-from .rooms import HIGH, RealSurface, Role, room, scene, side
+from .rooms import HIGH, LOW, RealSurface, Role, room, scene, side
 
 
 def rectangle_share(a, b, distance):
@@ -53,8 +54,10 @@ def test_largest_of_two_holes_is_told():
     assert inspection.coverage.largest_hole.azimuth == pytest.approx(-90.0, abs=1.0)
     assert inspection.coverage.largest_hole.share == pytest.approx(left, rel=0.02)
     assert inspection.coverage.share == pytest.approx(1 - left - right, abs=0.003)
-    (problem,) = [p for p in inspection.problems if p.severity is Severity.WARNING]
-    assert "hit no real surface" in problem.message
+    (problem,) = inspection.problems
+    assert problem.severity is Severity.ERROR
+    assert f"{100 * (1 - inspection.coverage.share):.2g} % of all directions hit no real surface" in problem.message
+    assert f"the largest hole ({100 * left:.2g} %) is around azimuth -90" in problem.message
 
 
 def test_no_geometry_is_an_error():
@@ -66,15 +69,44 @@ def test_no_geometry_is_an_error():
 def test_depth_alone_is_geometry():
     depth = np.full((16, 32), 2.0, np.float32)
     depth[:8] = np.inf
-    coverage = inspect_scene(scene([], depth=depth)).coverage
-    assert coverage.share == pytest.approx(0.5)
-    assert coverage.largest_hole.elevation > 80
+    inspection = inspect_scene(scene([], depth=depth))
+    assert inspection.coverage.share == pytest.approx(0.5)
+    assert inspection.coverage.sky == pytest.approx(0.5)
+    assert inspection.problems == ()
 
 
-def test_sky_over_open_ground_is_half_of_all():
+def test_what_is_declared_sky_is_no_hole():
     ground = side("floor")
-    far = type(ground)(ground.vertices * 1000, ground.faces)
-    inspection = inspect_scene(scene([RealSurface("ground", far, Role.SUPPORT)]))
+    far = RealSurface("ground", type(ground)(ground.vertices * 1000, ground.faces), Role.SUPPORT)
+    inspection = inspect_scene(scene([far], sky=True))
     assert inspection.coverage.share == pytest.approx(0.5, abs=0.01)
-    assert [problem.severity for problem in inspection.problems] == [Severity.WARNING]
-    assert HIGH[2] > 0
+    assert inspection.coverage.sky == pytest.approx(1 - inspection.coverage.share)
+    assert inspection.problems == ()
+    (problem,) = inspect_scene(scene([far])).problems
+    assert problem.severity is Severity.ERROR
+    assert "`sky = true`" in problem.message
+
+
+def ceiling_with(count, size):
+    """The ceiling as a sheet with square openings of a size in metres, in a row."""
+    x, y = np.unique([LOW[0], HIGH[0], -size / 2, size / 2]), [LOW[1], HIGH[1]]
+    for middle in np.linspace(-0.5, 0.5, count):
+        y = [*y, middle - size / 2, middle + size / 2]
+    x, y = np.sort(x), np.sort(y)
+    vertices = np.stack([*np.meshgrid(x, y, indexing="ij"), np.full((len(x), len(y)), HIGH[2])], axis=-1)
+    i, j = np.meshgrid(np.arange(len(x) - 1), np.arange(len(y) - 1), indexing="ij")
+    solid = (i != 1) | (j % 2 == 0)
+    a = (i * len(y) + j)[solid]
+    faces = np.concatenate([np.stack([a, a + 1, a + len(y)], 1), np.stack([a + 1, a + len(y) + 1, a + len(y)], 1)])
+    return RealSurface(
+        "ceiling", Mesh(vertices.reshape(-1, 3).astype(np.float32), faces.astype(np.int32)), "environment"
+    )
+
+
+@pytest.mark.parametrize(
+    ("count", "size", "severity"), [(1, 0.01, None), (1, 0.1, Severity.ERROR), (8, 0.03, Severity.WARNING)]
+)
+def test_seams_are_no_holes(count, size, severity):
+    """A slit of a centimetre, a missing lamp, and so many small gaps that they are worth a word."""
+    problems = inspect_scene(scene([*room(without=["ceiling"]), ceiling_with(count, size)])).problems
+    assert [problem.severity for problem in problems] == ([] if severity is None else [severity])

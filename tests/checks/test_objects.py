@@ -2,15 +2,16 @@ import numpy as np
 import pytest
 
 from lightdepth.checks import Severity, find_problems
-from lightdepth.scene.model import AnalyticShape, Mesh
+from lightdepth.scene.materials import Emitter
+from lightdepth.scene.model import AnalyticShape, Mesh, SyntheticObject, SyntheticPart
 
 from .rooms import RealSurface, Role, box, room, scene, sphere, thing
 
 CABINET = RealSurface("cabinet", box([0.8, -1.0, 0.0], [1.2, 1.0, 2.0]), Role.ENVIRONMENT)
 
 
-def found(*objects, real=None):
-    return [p for p in find_problems(scene(real, objects)) if "[[synthetic]]" in p.message]
+def found(*objects, real=None, sky=False):
+    return [p for p in find_problems(scene(real, objects, sky=sky)) if "[[synthetic]]" in p.message]
 
 
 @pytest.mark.parametrize("center", [[5.0, 0.0, 0.5], [0.0, 0.0, -1.0], [0.0, 4.0, 4.0]])
@@ -18,6 +19,34 @@ def test_object_outside_the_room(center):
     (problem,) = found(sphere(center, 0.3))
     assert problem.severity is Severity.ERROR
     assert 'ball": is outside the room' in problem.message
+
+
+@pytest.mark.parametrize("hole", ["front", "ceiling", "right"])
+def test_object_outside_a_room_with_a_hole(hole):
+    """Through the hole or not, it is outside."""
+    for center in ([5.0, 0.0, 0.5], [0.0, -4.0, 1.0], [0.0, 0.0, 4.0]):
+        (problem,) = found(sphere(center, 0.3), real=room(without=[hole]))
+        assert problem.severity is Severity.ERROR
+        assert 'ball": is outside the room' in problem.message
+
+
+def test_object_before_the_window_of_a_room_under_the_sky():
+    (problem,) = found(sphere([0.0, 6.0, 1.0], 0.3), real=room(without=["front"]))
+    assert problem.severity is Severity.ERROR
+    assert found(sphere([0.0, 6.0, 1.0], 0.3), real=room(without=["front"]), sky=True) == []
+
+
+def lamp(to_world):
+    material = Emitter(type="emitter", radiance=(9.0, 9.0, 9.0))
+    return SyntheticObject("sun", (SyntheticPart(AnalyticShape("disk", np.array(to_world)), material),))
+
+
+def test_a_sun_is_never_outside():
+    sun = lamp([[9.0, 0, 0, 0], [0, -9.0, 0, 0], [0, 0, -1.0, 2000.0], [0, 0, 0, 1.0]])
+    assert found(sun, real=room(without=["ceiling"])) == []
+    (problem,) = found(sun)
+    assert problem.severity is Severity.HINT
+    assert "hold back its light" in problem.message
 
 
 def test_object_behind_furniture_is_a_warning():

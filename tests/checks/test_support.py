@@ -21,7 +21,21 @@ def test_support_that_is_wholly_hidden():
     hidden = RealSurface("shelf", box([1.5, -1.0, 1.0], [1.9, 1.0, 1.03]), Role.SUPPORT)
     problems = find_problems(scene([*room(), SCREEN, hidden]))
     assert problems[0].severity is Severity.ERROR
-    assert '"shelf"' in problems[0].message
+    assert '"shelf": the capture point cannot see 100 % of this support' in problems[0].message
+
+
+@pytest.mark.parametrize(
+    ("far", "severity"), [(1.0, None), (1.5, Severity.HINT), (4.0, Severity.WARNING), (14.0, Severity.ERROR)]
+)
+def test_the_more_support_is_hidden_the_worse(far, severity):
+    """A shelf along the line of sight, of which all that lies beyond the screen at x = 1 m is hidden."""
+    shelf = RealSurface("shelf", box([0.0, 1.0, 0.5], [far, 1.5, 0.5]), Role.SUPPORT)
+    wide = RealSurface("room", box([-2.0, -3.0, 0.0], [far + 1.0, 3.0, 2.5]), Role.ENVIRONMENT)
+    problems = [p for p in find_problems(scene([wide, SCREEN, shelf])) if '"shelf"' in p.message]
+    assert [problem.severity for problem in problems] == ([] if severity is None else [severity])
+    if severity is not None:
+        share = float(problems[0].message.split("cannot see ")[1].split(" %")[0])
+        assert share == pytest.approx(100 * (1 - 1 / far), abs=1.0)
 
 
 def test_rest_positions_that_are_seen_will_do():

@@ -2,6 +2,10 @@
 
 import numpy as np
 import pytest
+import trimesh
+
+import lightdepth
+from lightdepth.errors import InputError
 
 from .room_folder import edit, make_room, write_panorama
 
@@ -93,6 +97,12 @@ def object_outside(scene):
     edit(scene, "center = [0.5, 1.0, 0.3]", "center = [8.0, 1.0, 0.3]")
 
 
+def hole(scene):
+    walls = trimesh.load(scene.parent / "walls.ply")
+    walls.update_faces(np.arange(len(walls.faces)) != 0)
+    walls.export(scene.parent / "walls.ply")
+
+
 def hidden_support(scene):
     (scene.parent / "under.ply").write_bytes((scene.parent / "floor.ply").read_bytes())
     with scene.open("a") as file:
@@ -120,8 +130,9 @@ UNREADABLE = {
 MEANINGLESS = {
     capture_point_in_the_floor: "from the surface of",
     capture_point_outside: "outside the room",
+    hole: "% of all directions hit no real surface; the largest hole",
     object_outside: '"ball": is outside the room',
-    hidden_support: '"cellar": the capture point sees nothing of this support',
+    hidden_support: '"cellar": the capture point cannot see 100 % of this support',
 }
 BAD = {**UNREADABLE, **MEANINGLESS}
 
@@ -138,7 +149,7 @@ def test_check_tells(command, tmp_path, spoil):
     status, output, errors = command("check", scene)
     assert status == 2
     assert BAD[spoil] in output
-    assert output.count("error ") == 1
+    assert output.count("error ") == (2 if spoil in (missing_mesh, unreadable_mesh, empty_mesh) else 1)  # and a hole
     assert "Traceback" not in output + errors
     assert _files(tmp_path) == before
 
@@ -153,6 +164,16 @@ def test_render_refuses(command, tmp_path, spoil):
     assert UNREADABLE[spoil] in errors
     assert "Traceback" not in output + errors
     assert _files(tmp_path) == before
+
+
+@pytest.mark.parametrize("spoil", MEANINGLESS, ids=lambda spoil: spoil.__name__)
+def test_python_refuses(tmp_path, spoil):
+    scene = make_room(tmp_path)
+    spoil(scene)
+    loaded = lightdepth.load_scene(scene)
+    with pytest.raises(InputError) as caught:
+        lightdepth.render(loaded, samples=1)
+    assert MEANINGLESS[spoil] in str(caught.value)
 
 
 @pytest.mark.parametrize(

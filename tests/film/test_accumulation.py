@@ -14,7 +14,7 @@ import mitsuba as mi  # noqa: E402
 
 from lightdepth.film import accumulation  # noqa: E402
 from lightdepth.film.accumulation import Accumulator  # noqa: E402
-from lightdepth.transport.difference import CameraSamples  # noqa: E402
+from lightdepth.transport.integrator import CameraSamples  # noqa: E402
 
 
 def camera_samples(change, synthetic, covered):

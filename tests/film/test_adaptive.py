@@ -117,7 +117,7 @@ def test_indirect_light_is_held_to_the_clamp():
     assert first.beauty[seen].mean() == pytest.approx(second.beauty[seen].mean(), rel=0.02)
     rendering = begin_rendering(clamped, "view")
     list(rendering.run(1))
-    assert float(rendering.metadata("difference")["clamp_indirect"]) == 1e-6
+    assert float(rendering.frame(auxiliary=False).metadata["clamp_indirect"]) == 1e-6
 
 
 MEMORY = """

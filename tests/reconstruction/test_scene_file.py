@@ -1,9 +1,12 @@
 """The scene file's [[real]] tables, with the rest as the person wrote it."""
 
+import tomllib
+
 import numpy as np
 import pytest
 import trimesh
 
+from lightdepth.checks import inspect_file
 from lightdepth.errors import InputError
 from lightdepth.reconstruction.place import parse_three, read_place
 from lightdepth.reconstruction.result import closed, save
@@ -73,6 +76,18 @@ def test_a_scene_file_is_begun(tmp_path, panorama):
     np.testing.assert_allclose(loaded.panorama.position, place.pose.position)
     np.testing.assert_allclose(loaded.panorama.rotation, place.pose.rotation)
     assert (tmp_path / "check.png").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("kept", [SCENE, "render.samples = 3\n"])
+def test_sky_is_declared(scene, kept):
+    place = read_place(scene)
+    scene.write_text(kept, encoding="utf-8")
+    for _ in range(2):
+        save(closed(SURFACES[:1], place, True), place, scene.parent / "meshes", scene, None)
+        assert scene.read_text(encoding="utf-8").count("sky = true") == 1
+        assert tomllib.loads(scene.read_text(encoding="utf-8"))["panorama"]["sky"] is True
+    if kept == SCENE:
+        assert inspect_file(scene).problems == ()
 
 
 def test_nothing_is_written_where_the_scene_file_is_wrong(scene):

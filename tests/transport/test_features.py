@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import lightdepth
-from lightdepth.cameras import Perspective
-from lightdepth.directions import direction_to_latlong, look_at_rotation, pixel_directions
-from lightdepth.scene.materials import Diffuse, Emitter, Principled
+from lightdepth.cameras import Fisheye, Perspective
+from lightdepth.directions import direction_to_latlong, euler_rotation, look_at_rotation, pixel_directions
+from lightdepth.scene.materials import Diffuse, Emitter, Principled, Texture
 from lightdepth.scene.meshes import read_mesh_file
 from lightdepth.scene.meshes.geometry import transformed
 from lightdepth.scene.model import (
@@ -132,21 +132,53 @@ def test_an_emissive_gltf_lights_the_real_floor_just_so(tmp_path):
     check_lamp_on_floor(SyntheticObject("lamp", tuple(parts)), 40.0, 0.03)
 
 
-def shadow(opacity):
+def shadow(opacity, max_bounces):
     sheet = Principled(base_color=(0, 0, 0), roughness=1.0, opacity=opacity)
-    scene = floor_and_walls(objects=[flat((-0.2, -0.3), (0.4, 0.2), 0.5, sheet)], max_bounces=2)
+    scene = floor_and_walls(objects=[flat((-0.2, -0.3), (0.4, 0.2), 0.5, sheet)], max_bounces=max_bounces)
     frame = lightdepth.render(scene, "down", samples=64)
     free = frame.coverage == 0
     return np.where(free[..., None], frame.change, 0.0).sum(), frame
 
 
-def test_a_blended_sheet_casts_half_a_shadow():
-    opaque, covered = shadow(1.0)
-    half, blended = shadow(0.5)
+@pytest.mark.parametrize("max_bounces", [1, 2])
+def test_a_blended_sheet_casts_half_a_shadow(max_bounces):
+    opaque, covered = shadow(1.0, max_bounces)
+    half, blended = shadow(0.5, max_bounces)
     assert opaque < -1
     assert half == pytest.approx(0.5 * opaque, rel=0.03)
     inside = covered.coverage == 1
     assert blended.coverage[inside].mean() == pytest.approx(0.5, abs=0.02)
+
+
+def test_passing_a_hole_is_no_bounce():
+    """The floor is seen through two sheets that are all hole, though no path may scatter at all."""
+    hole = Principled(base_color=(0, 0, 0), opacity=0.0)
+    sheets = [flat((-0.5, -0.5), (0.8, 0.5), z, hole) for z in (0.5, 0.8)]
+    frame = lightdepth.render(floor_and_walls(objects=sheets, max_bounces=0), "down", samples=4)
+    assert not frame.coverage.any()
+    np.testing.assert_array_equal(frame.beauty, frame.plate)
+
+
+def test_a_checkered_card_casts_half_the_shadow_of_a_solid_one():
+    """A textured card, half of whose cells are holes; all of its shadow is seen by a camera between card and floor."""
+    cells = (np.add.outer(np.arange(8), np.arange(8)) % 2).repeat(16, 0).repeat(16, 1)[..., None].astype(np.float16)
+    holes, paper = Texture(cells, nearest=True), Texture(cells * np.float16([0.5, 0.3, 0.1]))
+    corners = np.float32([[-0.2, -0.3, 0.5], [0.5, -0.3, 0.5], [0.5, 0.4, 0.5], [-0.2, 0.4, 0.5]])
+    coordinates = np.float32([[0, 0], [1, 0], [1, 1], [0, 1]])
+    card = Mesh(corners, np.int32([[0, 1, 2], [0, 2, 3]]), texture_coordinates=coordinates)
+    fisheye = Fisheye(type="fisheye", width=32, fov=170)
+    below = CameraView(fisheye, np.array([0.15, 0.05, 0.25]), euler_rotation([-90.0, 0.0, 0.0]))
+
+    def shadows(opacity, seeds):
+        part = SyntheticPart(card, Principled(base_color=paper, roughness=1.0, opacity=opacity))
+        scene = replace(floor_and_walls(objects=[SyntheticObject("card", (part,))], max_bounces=1), cameras={"": below})
+        return [lightdepth.render(scene, samples=64, seed=seed).change.mean() for seed in seeds]
+
+    solid, holed = shadows(1.0, range(8)), shadows(holes, range(8, 16))
+    error = np.hypot(0.5 * np.std(solid, ddof=1), np.std(holed, ddof=1)) / np.sqrt(8)
+    assert np.mean(solid) < -0.01
+    assert error < 0.005 * abs(np.mean(solid))
+    assert abs(np.mean(holed) - 0.5 * np.mean(solid)) < 4 * error
 
 
 def test_a_surface_at_its_rest_position_is_the_photograph():

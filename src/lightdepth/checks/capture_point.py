@@ -61,7 +61,7 @@ def _in_a_wall(view: CaptureView) -> str | None:
 
 def _outside(view: CaptureView, inside: Sequence[NDArray[np.floating]]) -> str | None:
     """Where another point is enclosed by the room, and the capture point is not; ``None`` if that is not so."""
-    low, high = view.vertices.min(axis=0), view.vertices.max(axis=0)
+    low, high = view.low, view.high
     seen = view.share(view.surface >= 0)
     if seen > 0.75 or np.any(high - low < SMALLEST_ROOM):
         return None

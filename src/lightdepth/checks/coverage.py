@@ -15,8 +15,9 @@ from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.view import CaptureView
 from lightdepth.scene.model import Scene
 
-NEGLIGIBLE_HOLES = 1e-4
-"""Holes are not worth a word up to this share of all directions."""
+SMALLEST_HOLE = 1e-4
+"""Share of all directions, two degrees by two. What is connected and smaller is a seam between meshes, not a hole, and
+not worth a word where all of it together is smaller."""
 
 
 @dataclass(frozen=True)
@@ -27,16 +28,16 @@ class Hole:
         share: of all directions, in [0, 1].
         azimuth: of its middle, degrees, 0 at the panorama's centre column, growing to the right.
         elevation: of its middle, degrees above the panorama's horizon.
-        row: the panorama's pixel there.
-        column: the panorama's pixel there.
+        row: the panorama's pixel there; ``None`` where its image could not be read.
+        column: likewise.
         direction: the same in world space, unit.
     """
 
     share: float
     azimuth: float
     elevation: float
-    row: int
-    column: int
+    row: int | None
+    column: int | None
     direction: tuple[float, float, float]
 
 
@@ -46,11 +47,13 @@ class Coverage:
 
     Attributes:
         share: directions in which it sees a real surface, as a share of all, in [0, 1]; weighted by solid angle.
-        by_surface: the same for each real surface by its name.
-        largest_hole: ``None`` where there is no hole.
+        sky: directions that meet none and are declared sky, as a share of all, in [0, 1].
+        by_surface: as ``share``, for each real surface by its name.
+        largest_hole: of the directions that meet none and are not sky; ``None`` where there is none.
     """
 
     share: float
+    sky: float
     by_surface: Mapping[str, float]
     largest_hole: Hole | None
 
@@ -58,31 +61,41 @@ class Coverage:
 def measure_coverage(view: CaptureView, scene: Scene) -> Coverage:
     """Measure the coverage of the real meshes, or of the depth image where the scene has no meshes."""
     missing = view.surface < 0
+    sky = scene.panorama.sky
     depth = scene.panorama.depth
     if not scene.real and depth is not None:
         rows = (np.arange(missing.shape[0]) * depth.shape[0]) // missing.shape[0]
         columns = (np.arange(missing.shape[1]) * depth.shape[1]) // missing.shape[1]
-        missing = ~np.isfinite(depth[np.ix_(rows, columns)])
+        missing, sky = ~np.isfinite(depth[np.ix_(rows, columns)]), True
+    uncovered = view.share(missing)
     return Coverage(
-        share=1.0 - view.share(missing),
+        share=1.0 - uncovered,
+        sky=uncovered if sky else 0.0,
         by_surface={name: view.share(view.surface == index) for index, name in enumerate(view.names)},
-        largest_hole=_largest_hole(view, missing, scene.panorama.radiance.shape[0]),
+        largest_hole=None if sky else _largest_hole(view, missing, scene.panorama.radiance.shape[0]),
     )
 
 
-def hole_problems(coverage: Coverage) -> list[Problem]:
-    """Tell of holes: what is seen through them counts as sky."""
+def hole_problems(coverage: Coverage, unread: int = 0) -> list[Problem]:
+    """Tell of holes: light that comes from a surface would be placed infinitely far away.
+
+    Args:
+        coverage: of the real surfaces that are there.
+        unread: how many further ones could not be read.
+    """
     hole = coverage.largest_hole
-    if hole is None or 1.0 - coverage.share < NEGLIGIBLE_HOLES:
+    if hole is None or 1.0 - coverage.share < SMALLEST_HOLE:
         return []
     x, y, z = hole.direction
+    pixel = "" if hole.row is None else f"row {hole.row}, column {hole.column}; "
+    without = f", without {_surfaces(unread)} that could not be read," if unread else ""
     return [
         Problem(
-            Severity.WARNING,
-            f"[[real]]: {_percent(1.0 - coverage.share)} of all directions hit no real surface and count as infinitely "
-            f"far, which is right for sky only; the largest hole ({_percent(hole.share)}) is around azimuth "
-            f"{hole.azimuth:.1f}, elevation {hole.elevation:.1f} degrees of the panorama (row {hole.row}, column "
-            f"{hole.column}; world direction {x:.3f} {y:.3f} {z:.3f})",
+            Severity.WARNING if hole.share < SMALLEST_HOLE else Severity.ERROR,
+            f"[[real]]: {_percent(1.0 - coverage.share)} of all directions{without} hit no real surface; the largest "
+            f"hole ({_percent(hole.share)}) is around azimuth {hole.azimuth:.1f}, elevation {hole.elevation:.1f} "
+            f"degrees of the panorama ({pixel}world direction {x:.3f} {y:.3f} {z:.3f}). Close it with a mesh; where "
+            "nothing but sky is left open, write `sky = true` into [panorama]",
         )
     ]
 
@@ -106,8 +119,8 @@ def _largest_hole(view: CaptureView, missing: NDArray[np.bool_], panorama_height
         share=float(shares.max()),
         azimuth=float(360.0 * ((column + 0.5) / width - 0.5)),
         elevation=float(90.0 - 180.0 * (row + 0.5) / height),
-        row=int((row + 0.5) * scale),
-        column=int((column + 0.5) * scale),
+        row=int((row + 0.5) * scale) if panorama_height else None,
+        column=int((column + 0.5) * scale) if panorama_height else None,
         direction=(x, y, z),
     )
 
@@ -124,6 +137,10 @@ def _connected(marked: NDArray[np.bool_]) -> NDArray[np.intp]:
     meeting = coo_array((np.ones(len(one)), (one, other)), shape=(count + 1, count + 1))
     # Number 0, what is not marked, meets nothing: it stays a component of its own, and the first.
     return np.asarray(connected_components(meeting, directed=False)[1])[regions]
+
+
+def _surfaces(count: int) -> str:
+    return f"{count} surface{'' if count == 1 else 's'}"
 
 
 def _percent(share: float) -> str:

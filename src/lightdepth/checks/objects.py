@@ -9,53 +9,70 @@ from numpy.typing import NDArray
 
 from lightdepth.checks.capture_point import CLOSED
 from lightdepth.checks.problem import Problem, Severity
-from lightdepth.checks.sampling import hidden, surface_points
+from lightdepth.checks.sampling import hidden, object_mesh, surface_points
 from lightdepth.checks.view import CaptureView, enclosure
 from lightdepth.kernel.raycasting import RayCaster
-from lightdepth.scene.model import Mesh
+from lightdepth.scene.model import Mesh, SyntheticObject
 
 DELIBERATE_GAP = 0.3
 """Metres: what hangs higher above everything is meant to hang."""
 CONTACT = 0.002
 """Metres: smaller gaps and overlaps are no mistake."""
+MOSTLY_CLOSED = 2 / 3
+"""From this share of directions on that meet a real surface, the capture point is in a room, with a hole perhaps; where
+the rest is declared sky, from ``CLOSED`` on."""
+MUCH_LESS = 0.75
+"""An object that is enclosed by less than this part of what encloses the capture point is not in the same room."""
 COPLANAR = 0.0005
 """Metres between faces that compete for being in front."""
 
 
-def object_problems(names: Sequence[str], meshes: Sequence[Mesh], view: CaptureView) -> list[Problem]:
+def object_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> list[Problem]:
     """Find objects outside the room or hidden, floating or sunk, and faces that coincide with real ones.
 
     Args:
-        names: of the objects.
-        meshes: their shapes, world space.
+        objects: the new objects.
         view: what the capture point sees.
     """
     problems = []
+    meshes = [object_mesh(thing) for thing in objects]
     others = RayCaster(meshes)
-    for number, (name, mesh) in enumerate(zip(names, meshes, strict=True)):
+    for number, (thing, mesh) in enumerate(zip(objects, meshes, strict=True)):
         points, normals = surface_points(mesh.vertices, mesh.faces, 400)
         if not len(points):
             continue
-        found = [_out_of_sight(points, view)]
+        found = [_out_of_sight(points, view, _is_lamp(thing))]
         if found[0] is None:
             found = [_standing(mesh, number, others, view), _coinciding(points, normals, view)]
-        problems += [Problem(p.severity, f'[[synthetic]] "{name}": {p.message}') for p in found if p is not None]
+        problems += [Problem(p.severity, f'[[synthetic]] "{thing.name}": {p.message}') for p in found if p is not None]
     return problems
 
 
-def _out_of_sight(points: NDArray[np.float64], view: CaptureView) -> Problem | None:
-    """An object of which the capture point sees nothing, because real surfaces stand before it."""
-    if not hidden(points, view).all():
+def _is_lamp(thing: SyntheticObject) -> bool:
+    return any("emitter" in part.material.plugins() for part in thing.parts)
+
+
+def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) -> Problem | None:
+    """An object of which the capture point sees nothing, because real surfaces stand before it or it is not in the room.
+
+    Lamps may stand outside, as a sun does.
+    """
+    concealed = bool(hidden(points, view).all())
+    if lamp:
+        message = "is a lamp that real surfaces hide from the capture point; they hold back its light as well"
+        return Problem(Severity.HINT, message) if concealed else None
+    beyond = not view.sky and bool(np.any((points.max(axis=0) < view.low) | (points.min(axis=0) > view.high)))
+    if not concealed and not beyond:
         return None
     middle = points.mean(axis=0)
-    x, y, z = middle
+    covered = view.share(view.surface >= 0)
     enclosed = max(enclosure(view.caster, point) for point in (middle, *points[:: len(points) // 4]))
-    if view.share(view.surface >= 0) > CLOSED and enclosed < 0.75:
-        return Problem(
-            Severity.ERROR,
-            f"is outside the room: its middle is at [{x:.3g}, {y:.3g}, {z:.3g}], and the real surfaces hide all of it "
-            "from the capture point",
-        )
+    if covered > (CLOSED if view.sky else MOSTLY_CLOSED) and (beyond or enclosed < MUCH_LESS * covered):
+        x, y, z = middle
+        where = "beyond all real surfaces" if beyond else "and the real surfaces hide all of it from the capture point"
+        return Problem(Severity.ERROR, f"is outside the room: its middle is at [{x:.3g}, {y:.3g}, {z:.3g}], {where}")
+    if not concealed:
+        return None
     return Problem(
         Severity.WARNING,
         "is wholly behind or inside real surfaces as seen from the capture point; only cameras elsewhere can see it",

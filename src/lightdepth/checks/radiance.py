@@ -8,7 +8,9 @@ from lightdepth.scene.model import Panorama
 
 
 def radiance_problems(panorama: Panorama) -> list[Problem]:
-    """Find a panorama that is black or whose lights were clipped."""
+    """Find a panorama that is black or whose lights were clipped; nothing, where its image could not be read."""
+    if not panorama.radiance.size:
+        return []
     name = f"[panorama]: {panorama.path}" if panorama.path else "[panorama]"
     mean = float(panorama.radiance.mean())
     if mean == 0.0:

@@ -10,7 +10,10 @@ from lightdepth.checks.view import CaptureView
 from lightdepth.scene.model import RealSurface, Role
 
 WORTH_A_WARNING = 0.5
-"""Support behind furniture is usual; from this share on, little is left of what the photograph tells of it."""
+"""Support behind furniture is usual; from this share on, more is hidden than seen."""
+TOO_MUCH = 0.9
+"""Of a closed box, the capture point sees one side of six at least, so that 83 % are hidden. Of what is hidden more than
+that, the photograph tells next to nothing."""
 
 
 def support_problems(surface: RealSurface, view: CaptureView) -> list[Problem]:
@@ -26,12 +29,12 @@ def support_problems(surface: RealSurface, view: CaptureView) -> list[Problem]:
     if share < 0.001:
         return []
     name = f'[[real]] "{surface.name}"'
-    if share > 0.999:
+    if share > TOO_MUCH:
         return [
             Problem(
                 Severity.ERROR,
-                f"{name}: the capture point sees nothing of this support, so that the photograph does not tell its "
-                "colour; make it environment, or give rest positions",
+                f"{name}: the capture point cannot see {100 * share:.3g} % of this support's area, so that the photograph "
+                "does not tell its colour; make it environment, or give rest positions",
             )
         ]
     return [

@@ -21,9 +21,11 @@ class CaptureView:
 
     Attributes:
         position: capture point, world, metres, shape (3,).
+        sky: whether what no mesh covers is declared sky.
         caster: of the real meshes.
         names: of the real meshes, as hits number them.
-        vertices: of all real meshes, world, metres, shape (n, 3).
+        low: least coordinates of the real meshes, world, metres, shape (3,); inf without meshes.
+        high: greatest coordinates of the real meshes, world, metres, shape (3,); -inf without meshes.
         directions: unit, world, shape (h, 2 h, 3).
         distance: metres, inf where nothing is hit, shape (h, 2 h).
         surface: index of the mesh that is hit, -1 for none, shape (h, 2 h).
@@ -32,9 +34,11 @@ class CaptureView:
     """
 
     position: NDArray[np.float64]
+    sky: bool
     caster: RayCaster
     names: tuple[str, ...]
-    vertices: NDArray[np.float32]
+    low: NDArray[np.float32]
+    high: NDArray[np.float32]
     directions: NDArray[np.float64]
     distance: NDArray[np.float32]
     surface: NDArray[np.int32]
@@ -49,6 +53,7 @@ class CaptureView:
 def look_around(scene: Scene) -> CaptureView:
     """Cast the rays. The depth that a user may have given plays no part, only meshes do."""
     meshes = [surface.mesh for surface in scene.real]
+    vertices = np.concatenate([np.zeros((0, 3), np.float32), *(mesh.vertices for mesh in meshes)])
     caster = RayCaster(meshes)
     directions = pixel_directions(HEIGHT, 2 * HEIGHT) @ scene.panorama.rotation.T
     hits = caster.cast(scene.panorama.position, directions.reshape(-1, 3))
@@ -56,9 +61,11 @@ def look_around(scene: Scene) -> CaptureView:
     away = np.einsum("ij,ij->i", hits.normal, directions.reshape(-1, 3)) > 0.0
     return CaptureView(
         position=scene.panorama.position,
+        sky=scene.panorama.sky,
         caster=caster,
         names=tuple(surface.name for surface in scene.real),
-        vertices=np.concatenate([mesh.vertices for mesh in meshes]) if meshes else np.zeros((0, 3), np.float32),
+        low=vertices.min(axis=0, initial=np.inf),
+        high=vertices.max(axis=0, initial=-np.inf),
         directions=directions,
         distance=hits.distance.reshape(shape),
         surface=hits.mesh.reshape(shape),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -30,15 +31,10 @@ def check(
 
     Example: lightdepth check examples/lounge/scene.toml
     """
-    from lightdepth.checks import Severity, inspect_scene
-    from lightdepth.checks.loading import load_for_checks
+    from lightdepth.checks import Severity, inspect_file
 
-    loaded, problems = load_for_checks(scene)
-    coverage = None
-    if loaded is not None:
-        inspection = inspect_scene(loaded)
-        problems += inspection.problems
-        coverage = inspection.coverage
+    inspection = inspect_file(scene)
+    problems, coverage = inspection.problems, inspection.coverage
     if as_json:
         found = {"scene": str(scene), "problems": [asdict(problem) for problem in problems]}
         typer.echo(json.dumps(found | {"coverage": None if coverage is None else asdict(coverage)}, indent=2))
@@ -48,7 +44,7 @@ def check(
         raise typer.Exit(InputError.exit_status)
 
 
-def _print_report(scene: Path, problems: list[Problem], coverage: Coverage | None) -> None:
+def _print_report(scene: Path, problems: Sequence[Problem], coverage: Coverage | None) -> None:
     console = Console(soft_wrap=False, highlight=False)
     if problems:
         table = Table(show_header=False, box=None, padding=(0, 1, 1, 0))
@@ -59,7 +55,10 @@ def _print_report(scene: Path, problems: list[Problem], coverage: Coverage | Non
         console.print(table)
     if coverage is not None:
         parts = ", ".join(f"{name} {100 * share:.1f} %" for name, share in coverage.by_surface.items())
-        console.print(Text(f"coverage: {100 * coverage.share:.1f} % of all directions meet a real surface ({parts})"))
+        sky = f"; {100 * coverage.sky:.1f} % are sky" if coverage.sky else ""
+        console.print(
+            Text(f"coverage: {100 * coverage.share:.1f} % of all directions meet a real surface ({parts}){sky}")
+        )
     counts = {kind: sum(problem.severity == kind for problem in problems) for kind in COLORS}
     summary = ", ".join(f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items() if count)
     console.print(Text(f"{scene}: {summary or 'no problems'}"))

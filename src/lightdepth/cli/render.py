@@ -6,6 +6,8 @@ import json
 import signal
 import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,8 +21,6 @@ if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
     from lightdepth.film.rendering import Progress as Step
     from lightdepth.film.rendering import Rendering
-    from lightdepth.kernel.start import Device
-    from lightdepth.scene.model import Scene
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
@@ -59,7 +59,7 @@ def render(
 
     Example: lightdepth render examples/lounge/scene.toml --camera view -o out/view.exr --samples 64
     """
-    from lightdepth.api import forget_prepared, load_scene
+    from lightdepth.api import begin_rendering, forget_prepared, load_scene
     from lightdepth.film.layers import LAYERS
 
     chosen = {"all": None, "none": []}.get(layers, [layer.strip() for layer in layers.split(",")])
@@ -73,41 +73,68 @@ def render(
             target = output or Path(f"{scene.stem}-{name}.exr")
             _check_output(target)
             teller = _Teller(progress, target)
-            rendering = _prepare(teller, loaded, name, method, seed, device)
-        except KeyboardInterrupt:
-            Console(stderr=True).print("interrupted while preparing; nothing was written", style="yellow")
-            raise typer.Exit(INTERRUPTED) from None
-        interruption.wait = True
-        steps = rendering.run(samples or loaded.render.samples, noise or loaded.render.noise)
-        with teller:
-            shown = time.monotonic()
-            for step in steps:
-                teller.tell(step)
-                if interruption.asked:
-                    break
-                if preview_seconds is not None and time.monotonic() - shown > preview_seconds:
-                    _write_preview(target, rendering, method, exposure)
-                    teller.event({"event": "preview", "file": str(target)})
-                    shown = time.monotonic()
-        interrupted = interruption.asked
-        try:
-            facts, panoramic = rendering.metadata(method), rendering.panoramic
-            frame = rendering.frame(finish=True)
-            del rendering, steps  # To write a large picture takes memory as well.
-            forget_prepared()
+            teller.say("preparing")
+            begin = partial(begin_rendering, loaded, name, method, seed, device, teller.warn)
+            show = partial(_show, teller, target, exposure)
+            frame, panoramic = _rendered(begin, samples, noise, teller, interruption, show, preview_seconds)
+            interrupted = interruption.asked
+            forget_prepared()  # To write a large picture takes memory as well.
             if denoise:
                 from lightdepth.film.denoising import denoise as denoised
 
                 frame = denoised(frame, panoramic)
-                facts["denoised"] = "change, synthetic"
-            frame.metadata.update(facts)
             _write(target, frame, panoramic, chosen, exposure)
         except KeyboardInterrupt:
-            teller.warn(f"interrupted again; {target} was not finished")
+            when = (
+                "again; the picture was not finished" if interruption.wait else "while preparing; nothing was written"
+            )
+            Console(stderr=True).print(f"interrupted {when}", style="yellow")
             raise typer.Exit(INTERRUPTED) from None
     teller.done(interrupted)
     if interrupted:
         raise typer.Exit(INTERRUPTED)
+
+
+def _rendered(
+    begin: Callable[[], Rendering],
+    samples: int | None,
+    noise: float | None,
+    teller: _Teller,
+    interruption: _Interruption,
+    show: Callable[[Rendering], None],
+    seconds: float | None,
+) -> tuple[Frame, bool]:
+    """The frame, finished or interrupted, and whether it is panoramic; what it was rendered with is free again.
+
+    Args:
+        begin: begins to render.
+        samples: as for the command; so is ``noise``.
+        noise: relative error.
+        teller: told how far the rendering is.
+        interruption: ends it from here on.
+        show: shows the unfinished picture.
+        seconds: between two times of that; ``None`` for never.
+    """
+    rendering = begin()
+    interruption.wait = True
+    shown = time.monotonic()
+
+    def watch(step: Step) -> bool:
+        nonlocal shown
+        teller.tell(step)
+        if seconds is not None and not interruption.asked and time.monotonic() - shown > seconds:
+            show(rendering)
+            shown = time.monotonic()
+        return interruption.asked
+
+    with teller:
+        return rendering.complete(samples, noise, watch), rendering.panoramic
+
+
+def _show(teller: _Teller, target: Path, exposure: float | None, rendering: Rendering) -> None:
+    """Write the unfinished picture, and say so."""
+    _write(target, rendering.frame(auxiliary=False), rendering.panoramic, [], exposure)
+    teller.event({"event": "preview", "file": str(target)})
 
 
 def _check_output(target: Path) -> None:
@@ -119,34 +146,6 @@ def _check_output(target: Path) -> None:
     folder = next(parent for parent in target.absolute().parents if parent.exists())
     for file in (target, target.with_suffix(".png")):
         check_writable(file if folder == target.absolute().parent or not folder.is_dir() else folder / file.name)
-
-
-def _prepare(teller: _Teller, scene: Scene, camera: str, method: str, seed: int | None, device: Device) -> Rendering:
-    """Check a scene and begin to render it; what would make the picture meaningless ends here."""
-    from lightdepth.api import begin_rendering, find_camera, find_method
-    from lightdepth.checks import Severity, find_problems
-    from lightdepth.kernel.start import start
-
-    find_camera(scene, camera)
-    start(device)
-    find_method(method)
-    teller.say("preparing")
-    problems = find_problems(scene)
-    errors = [problem.message for problem in problems if problem.severity is Severity.ERROR]
-    if errors:
-        raise InputError("\n".join(f"{scene.path}: {message}" for message in errors))
-    for message in scene.panorama.repairs:
-        teller.warn(f"warning: {message}")
-    for problem in problems:
-        if problem.severity is Severity.WARNING:
-            teller.warn(f"warning: {scene.path}: {problem.message}")
-    return begin_rendering(scene, camera, method, seed, device)
-
-
-def _write_preview(target: Path, rendering: Rendering, method: str, exposure: float | None) -> None:
-    frame = rendering.frame(auxiliary=False)
-    frame.metadata.update(rendering.metadata(method))
-    _write(target, frame, rendering.panoramic, [], exposure)
 
 
 def _write(target: Path, frame: Frame, panoramic: bool, layers: list[str] | None, exposure: float | None) -> None:
@@ -215,7 +214,7 @@ class _Teller:
             self._console.print(f"{stage} {self._target.stem} ...")
 
     def warn(self, message: str) -> None:
-        self._console.print(message, style="yellow", markup=False)
+        self._console.print(f"warning: {message}", style="yellow", markup=False)
 
     def tell(self, step: Step) -> None:
         self.event(

@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.transport.difference import CameraSamples
+from lightdepth.transport.integrator import CameraSamples
 
 PIXELS_AT_ONCE = 1 << 20
 

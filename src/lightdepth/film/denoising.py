@@ -36,7 +36,7 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
             other side.
 
     Returns:
-        A new frame, which shares the other layers.
+        A new frame, which shares the other layers; its metadata says that it was denoised.
 
     Raises:
         SetupError: the package ``mitsuba-oidn`` is not installed.
@@ -70,7 +70,8 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
             # At narrow contact shadows the filter overshoots; no more can be taken away than was there.
             clean = np.maximum(clean, np.minimum(-frame.plate[band], 0.0)) * window.inner(uncovered)
             change[band] = np.where(_touched(frame.change[band]), clean, 0.0)
-    return replace(frame, change=change, synthetic=synthetic)
+    facts = {**frame.metadata, "denoised": "change, synthetic"}
+    return replace(frame, change=change, synthetic=synthetic, metadata=facts)
 
 
 def _load() -> ModuleType:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import drjit as dr
@@ -65,11 +65,12 @@ class Rendering:
         scene: what to render.
         prepared: the same scene made ready for a method.
         view: the camera.
+        method: its name, for the image's header.
         seed: of the random numbers; the same seed gives the same image.
     """
 
-    def __init__(self, scene: Scene, prepared: Prepared, view: CameraView, seed: int) -> None:
-        self._scene, self._prepared, self._view, self._seed = scene, prepared, view, seed
+    def __init__(self, scene: Scene, prepared: Prepared, view: CameraView, method: str, seed: int) -> None:
+        self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
         self._width, self._height = view.camera.resolution
         self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
         self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place)
@@ -104,6 +105,25 @@ class Rendering:
             wanted, total = self._allocate(samples, noise)
         yield Progress(1.0, done / max(len(self.pixels), 1), self.error(), 0.0)
 
+    def complete(
+        self,
+        samples: int | None = None,
+        noise: float | None = None,
+        progress: Callable[[Progress], bool | None] | None = None,
+    ) -> Frame:
+        """Take all samples and give the image; the rendering gives its memory to it and cannot go on.
+
+        Args:
+            samples: as for :meth:`run`; the scene's own setting by default.
+            noise: as for :meth:`run`; the scene's own setting by default.
+            progress: told after every pass; where it returns true, the image is that of the samples so far.
+        """
+        settings = self._scene.render
+        for step in self.run(samples or settings.samples, settings.noise if noise is None else noise):
+            if progress is not None and progress(step):
+                break
+        return self.frame(finish=True)
+
     def frame(self, auxiliary: bool = True, finish: bool = False) -> Frame:
         """The image so far.
 
@@ -111,6 +131,7 @@ class Rendering:
             auxiliary: with object ids, depth, normals and albedo as well.
             finish: the rendering gives its memory to the image and cannot go on.
         """
+        facts = self._facts()
         estimates = self._accumulator.estimates(finish)
         taken = self._accumulator.taken if finish else self._accumulator.taken.copy()
         frame = Frame(
@@ -121,6 +142,7 @@ class Rendering:
             alpha=self.alpha,
             variance=self._scattered(estimates.variance),
             samples=self._scattered(taken),
+            metadata=facts,
             object_names=tuple(thing.name for thing in self._scene.synthetic),
         )
         del estimates
@@ -134,11 +156,11 @@ class Rendering:
         """Whether the image is a full panorama, whose edges meet."""
         return isinstance(self._view.camera, Equirectangular)
 
-    def metadata(self, method: str) -> dict[str, str]:
-        """Facts for the file's header: how the image was made, and what was simplified."""
+    def _facts(self) -> dict[str, str]:
+        """For the file's header: how the image was made, and what was simplified."""
         report = self._prepared.irradiance
         facts = {
-            "method": method,
+            "method": self._method,
             "seed": str(self._seed),
             "samples": f"{self._accumulator.taken.mean():.1f}" if len(self.pixels) else "0",
             "error": f"{self.error():.5f}",

@@ -102,4 +102,4 @@ def _panorama_table(path: Path) -> PanoramaTable:
     except ValidationError as error:
         problems = Problems(path, text, document)
         problems.add_all(error, SceneFile)
-        raise InputError(str(problems)) from error
+        raise InputError("\n".join(problems.messages)) from error

@@ -104,7 +104,11 @@ def save(reconstruction: Reconstruction, place: Place, folder: Path, scene: Path
     for path in (scene, picture):
         if path is not None:
             check_writable(path)
-    text = None if scene is None else with_surfaces(scene, place, reconstruction.surfaces, folder)
+    text = (
+        None
+        if scene is None
+        else with_surfaces(scene, place, reconstruction.surfaces, folder, reconstruction.after.sky > 0.0)
+    )
     drawn = None if picture is None else draw_check_picture(place.radiance, reconstruction.surfaces, place.pose)
     write_meshes(reconstruction.surfaces, folder)
     if picture is not None and drawn is not None:

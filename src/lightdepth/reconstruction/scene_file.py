@@ -38,7 +38,7 @@ def mesh_path(surface: RealSurface, folder: Path) -> Path:
     return folder / f"{surface.name}.ply"
 
 
-def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], folder: Path) -> str:
+def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], folder: Path, sky: bool) -> str:
     """The text of a scene file with a ``[[real]]`` table for each surface; all else stays as the person wrote it.
 
     A table of the same name gets the new mesh and role and loses a placement, for the mesh is in world space. Where the
@@ -49,6 +49,7 @@ def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], fo
         place: what the surfaces were made for.
         surfaces: of the place.
         folder: of their meshes.
+        sky: declare what the surfaces leave open sky.
 
     Raises:
         InputError: the file is not a readable TOML file or its ``real`` is no array of tables.
@@ -59,6 +60,8 @@ def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], fo
         tables = document["real"] = tomlkit.aot()
     if not isinstance(tables, AoT):
         raise InputError(f"{scene}: 'real' must be an array of tables, each under its own [[real]]")
+    if sky:
+        document.setdefault("panorama", tomlkit.table())["sky"] = True
     for surface in surfaces:
         table = next((table for table in tables if table.get("name") == surface.name), None)
         if table is None:

@@ -1,18 +1,12 @@
-"""The scene file, read, checked and turned into plain data in world space."""
+"""The files that a scene names, read and turned into plain data in world space."""
 
 from __future__ import annotations
 
-import tomllib
-from collections import Counter
-from collections.abc import Callable, Mapping
-from dataclasses import replace
-from functools import partial
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import ValidationError
 
 from lightdepth.cameras import Camera, Equirectangular
 from lightdepth.directions import euler_rotation, look_at_rotation
@@ -38,17 +32,28 @@ from lightdepth.scene.model import (
     SyntheticObject,
     SyntheticPart,
 )
-from lightdepth.scene.problems import Place, Problems
-from lightdepth.scene.schema import (
-    MeshObject,
-    PanoramaTable,
-    RealTable,
-    SceneFile,
-    SphereObject,
-    UnitShapeObject,
-)
+from lightdepth.scene.problems import Problems
+from lightdepth.scene.scene_file import read_tables
+from lightdepth.scene.schema import CapturePose, MeshObject, Picture, RealTable, SphereObject, UnitShapeObject
 
-Result = TypeVar("Result")
+NO_PICTURE = np.zeros((0, 0, 3), np.float32)
+"""Radiance of a panorama whose image cannot be read."""
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a scene file and the files that it names hold, as far as they can be read.
+
+    Attributes:
+        scene: ``None`` where the capture pose is not known. Surfaces, objects and cameras that cannot be read are left
+            out; impossible radiance is replaced; ``NO_PICTURE`` stands for an image that cannot be read.
+        unread: how many of the real surfaces are left out.
+        problems: a line each, in the order of the file; empty where all is well.
+    """
+
+    scene: Scene | None
+    unread: int
+    problems: tuple[str, ...]
 
 
 def load_scene(path: Path | str, repair: bool = False) -> Scene:
@@ -65,95 +70,63 @@ def load_scene(path: Path | str, repair: bool = False) -> Scene:
         InputError: the file, or a file that it names, is missing, unreadable or wrong. The message has a line for
             each problem.
     """
-    path = Path(path)
-    text, document = _read_toml(path)
-    problems = Problems(path, text, document)
-    for array in ("real", "synthetic"):
-        _note_duplicates(array, document, problems)
-    try:
-        tables = SceneFile.model_validate(document, context={"folder": path.parent})
-    except ValidationError as error:
-        problems.add_all(error, SceneFile)
-    else:
-        if not tables.real and tables.panorama.depth is None:
-            problems.add((), "no real geometry: give [[real]] meshes of the place, or the depth of the [panorama]")
-    if problems:
-        raise InputError(str(problems))
-    return _read_files(tables, path, repair, problems)
+    contents = read_scene(Path(path), repair)
+    if contents.problems or contents.scene is None:
+        raise InputError("\n".join(contents.problems))
+    return contents.scene
 
 
-def _read_files(tables: SceneFile, path: Path, repair: bool, problems: Problems) -> Scene:
-    """Everything that the scene file names, with all problems of all files noted before giving up."""
-    panorama = _noted(problems, ("panorama",), lambda: _panorama(tables.panorama, repair))
-    real = [_noted(problems, ("real", i), partial(_real_surface, table)) for i, table in enumerate(tables.real)]
-    synthetic = [
-        _noted(problems, ("synthetic", i), partial(_synthetic_object, table))
-        for i, table in enumerate(tables.synthetic)
-    ]
-    cameras = {
-        name: _noted(problems, ("camera", name), partial(_camera_view, camera, tables.panorama))
-        for name, camera in tables.camera.items()
-    }
-    if problems or panorama is None:
-        raise InputError(str(problems))
-    if not cameras:
+def read_scene(path: Path, repair: bool = False) -> Contents:
+    """Read what can be read of a scene, and note everything that is wrong with its files.
+
+    Takes the arguments of :func:`load_scene`.
+
+    Raises:
+        InputError: the scene file itself is missing, cannot be read, or is not TOML.
+    """
+    tables, problems = read_tables(path)
+    real: list[RealSurface] = []
+    for number, surface in enumerate(tables.real):
+        with problems.noting(("real", number)):
+            real += [] if surface is None else [_real_surface(surface)]
+    synthetic: list[SyntheticObject] = []
+    for number, thing in enumerate(tables.synthetic):
+        with problems.noting(("synthetic", number)):
+            synthetic += [] if thing is None else [_synthetic_object(thing)]
+    pose = tables.pose or CapturePose()
+    panorama = _panorama(pose, tables.picture, repair, problems)
+    cameras: dict[str, CameraView] = {}
+    for name, camera in tables.cameras.items():
+        with problems.noting(("camera", name)):
+            cameras |= {} if camera is None else {name: _camera_view(camera, pose)}
+    if not tables.cameras and panorama.radiance.size:
         pano = Equirectangular(type="equirectangular", width=panorama.radiance.shape[1])
-        cameras["pano"] = _camera_view(pano, tables.panorama)
-    return Scene(
-        panorama=panorama,
-        real=tuple(surface for surface in real if surface is not None),
-        synthetic=tuple(thing for thing in synthetic if thing is not None),
-        cameras={name: view for name, view in cameras.items() if view is not None},
-        render=RenderSettings(**tables.render.model_dump()),
-        path=path,
-    )
+        cameras["pano"] = _camera_view(pano, pose)
+    render = RenderSettings() if tables.render is None else RenderSettings(**tables.render.model_dump())
+    scene = Scene(panorama, tuple(real), tuple(synthetic), cameras, render, path)
+    return Contents(None if tables.pose is None else scene, len(tables.real) - len(real), problems.messages)
 
 
-def _read_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a text file ({error})") from error
-    try:
-        return text, tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from error
-
-
-def _note_duplicates(array: str, document: Mapping[str, Any], problems: Problems) -> None:
-    tables = document.get(array)
-    names = [table.get("name") for table in tables if isinstance(table, dict)] if isinstance(tables, list) else []
-    for name, count in Counter(name for name in names if isinstance(name, str)).items():
-        if count > 1:
-            last = len(names) - 1 - names[::-1].index(name)
-            problems.add((array, last, "name"), f"'{name}' is the name of {count} [[{array}]] tables; names are unique")
-
-
-def _noted(problems: Problems, place: Place, work: Callable[[], Result]) -> Result | None:
-    """The result of reading something, or ``None`` with the problem noted at a place of the scene file."""
-    try:
-        return work()
-    except InputError as error:
-        problems.add(place, str(error))
-        return None
-
-
-def _panorama(table: PanoramaTable, repair: bool) -> Panorama:
-    found = read_radiance(table.image)
-    radiance = validate_panorama(found, table.image, repair=repair)
-    repairs = [f"{table.image}: {defect}; replaced" for defect in find_defects(found)] if repair else []
-    if table.scale != 1.0:
-        radiance = radiance * np.float32(table.scale)
-    return Panorama(
-        radiance=radiance,
-        position=np.array(table.position),
-        rotation=euler_rotation(table.rotation),
-        depth=None if table.depth is None else read_depth(table.depth),
-        path=table.image,
-        repairs=tuple(repairs),
-    )
+def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems: Problems) -> Panorama:
+    panorama = Panorama(NO_PICTURE, np.array(pose.position), euler_rotation(pose.rotation), sky=pose.sky)
+    if picture is None:
+        return panorama
+    if picture.depth is not None:
+        with problems.noting(("panorama",)):
+            panorama = replace(panorama, depth=read_depth(picture.depth))
+    with problems.noting(("panorama",)):
+        found = read_radiance(picture.image)
+        radiance = validate_panorama(found, picture.image, repair=True)
+        defects = [] if radiance is found else find_defects(found)
+        panorama = replace(
+            panorama,
+            radiance=radiance if picture.scale == 1.0 else radiance * np.float32(picture.scale),
+            path=picture.image,
+            repairs=tuple(f"{picture.image}: {defect}; replaced" for defect in defects) if repair else (),
+        )
+        if defects and not repair:
+            validate_panorama(found, picture.image)
+    return panorama
 
 
 def _real_surface(table: RealTable) -> RealSurface:
@@ -199,12 +172,12 @@ def _part(part: MeshPart, to_world: NDArray[np.float64], material: Material | No
     return SyntheticPart(transformed(part.mesh, to_world), material or part.material or Principled())
 
 
-def _camera_view(camera: Camera, panorama: PanoramaTable) -> CameraView:
+def _camera_view(camera: Camera, pose: CapturePose) -> CameraView:
     """The camera at its own pose, or at the capture pose where it has none."""
-    position = np.array(panorama.position if camera.position is None else camera.position)
+    position = np.array(pose.position if camera.position is None else camera.position)
     look_at = getattr(camera, "look_at", None)
     if look_at is not None:
         rotation = look_at_rotation(position, look_at)
     else:
-        rotation = euler_rotation(panorama.rotation if camera.rotation is None else camera.rotation)
+        rotation = euler_rotation(pose.rotation if camera.rotation is None else camera.rotation)
     return CameraView(camera.model_copy(update={"position": tuple(position.tolist())}), position, rotation)

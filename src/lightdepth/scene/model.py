@@ -100,6 +100,8 @@ class Panorama:
         rotation: light space to world, shape (3, 3), float64.
         depth: distances from the capture point in metres where the user gave them, shape (h, 2 h), float32, positive,
             inf for sky; else ``None``. Its size may differ from that of ``radiance``.
+        sky: what no real mesh covers is declared sky: infinitely far on purpose. Else it is a hole, and an error. In
+            ``depth``, inf declares it.
         path: the file it came from, for messages.
         repairs: what was wrong with its radiance and was replaced, a message for each kind.
     """
@@ -108,6 +110,7 @@ class Panorama:
     position: NDArray[np.float64]
     rotation: NDArray[np.float64]
     depth: NDArray[np.float32] | None = None
+    sky: bool = False
     path: Path | None = None
     repairs: tuple[str, ...] = ()
 

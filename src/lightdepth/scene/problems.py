@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import difflib
 import types
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel, Tag, ValidationError
 from pydantic_core import ErrorDetails
 
+from lightdepth.errors import InputError
 from lightdepth.scene.toml_lines import TomlLines
 
 Place = tuple[str | int, ...]
@@ -26,12 +28,10 @@ class Problems:
         self._document = document
         self._messages: list[tuple[int, str]] = []
 
-    def __bool__(self) -> bool:
-        return bool(self._messages)
-
-    def __str__(self) -> str:
+    @property
+    def messages(self) -> tuple[str, ...]:
         """All problems in the order of the file, one line each."""
-        return "\n".join(message for _, message in sorted(self._messages, key=lambda m: m[0]))
+        return tuple(message for _, message in sorted(self._messages, key=lambda m: m[0]))
 
     def add(self, place: Place, message: str, key: str | None = None) -> None:
         """Note a problem at a place of the file, which may stand on the line of a further key there."""
@@ -39,6 +39,14 @@ class Problems:
         line = self._lines.line_of(table, position, keys if key is None else (*keys, key))
         where = [str(self._path) + (f":{line}" if line else ""), *([title] if title else []), *keys]
         self._messages.append((line or 0, ": ".join([*where, message])))
+
+    @contextmanager
+    def noting(self, place: Place) -> Iterator[None]:
+        """What is read in here and raises an ``InputError`` is a problem at a place of the file, and no more."""
+        try:
+            yield
+        except InputError as error:
+            self.add(place, str(error))
 
     def add_all(self, error: ValidationError, model: type[BaseModel]) -> None:
         """Note every problem that pydantic found while it validated ``model``."""

@@ -59,14 +59,24 @@ class Placed(Table):
     scale: Scale = (1.0, 1.0, 1.0)
 
 
-class PanoramaTable(Table):
-    """``[panorama]``."""
+class CapturePose(Table):
+    """``[panorama]``: where the photograph was taken, which way it was turned, and whether in the open."""
+
+    position: Vector3 = (0.0, 0.0, 0.0)
+    rotation: Vector3 = (0.0, 0.0, 0.0)
+    sky: Annotated[bool, Field(strict=True)] = False
+
+
+class Picture(Table):
+    """``[panorama]``: what the photograph shows."""
 
     image: InputFile
     depth: InputFile | None = None
-    position: Vector3 = (0.0, 0.0, 0.0)
-    rotation: Vector3 = (0.0, 0.0, 0.0)
     scale: Number = Field(default=1.0, gt=0.0)
+
+
+class PanoramaTable(CapturePose, Picture):
+    """``[panorama]``."""
 
 
 class GlossTable(Table):

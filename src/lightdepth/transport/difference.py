@@ -19,6 +19,7 @@ from lightdepth.kernel.real_surfaces import FaceKind
 from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit
 from lightdepth.scene.model import Gloss
 from lightdepth.transport.bounds import Cones, ObjectBounds
+from lightdepth.transport.integrator import CameraSamples, Integrator
 from lightdepth.transport.place import SHADOW_RAY_END, LightSample, Place
 from lightdepth.transport.randoms import Randoms
 from lightdepth.transport.recovered_albedo import reflectance
@@ -31,21 +32,6 @@ ROULETTE_DEPTH = 3
 LARGEST_SURVIVAL = 0.99
 WANDERING_GAIN, SMALLEST_REACH = 6.0, 0.5
 """A path on support surfaces goes on with this many times the share of the hemisphere that objects fill."""
-
-
-@dataclass
-class CameraSamples:
-    """Estimates along camera rays.
-
-    Attributes:
-        change: ``D`` of the support surface that the ray meets first, else 0; may be negative.
-        synthetic: radiance of the new surface that the ray meets first, else 0.
-        covered: whether the ray meets a new surface first.
-    """
-
-    change: mi.Color3f
-    synthetic: mi.Color3f
-    covered: mi.Bool
 
 
 @dataclass
@@ -88,15 +74,15 @@ class Vertex:
     in_difference: mi.Bool
 
 
-class DifferenceIntegrator:
+class DifferenceIntegrator(Integrator):
     """The ``difference`` method, and with an infinitely far place the ``directional`` one.
 
     Args:
         place: the photographed place.
         surfaces: real and synthetic surfaces.
-        glosses: the specular lobes that support surfaces may have.
         bounds: the objects' bounds, or ``None`` without objects.
         max_bounces: scatterings after which a path ends; negative for no limit.
+        glosses: the specular lobes that support surfaces may have.
         clamp_indirect: largest value that light of two or more bounces may add to a sample, or ``None``.
     """
 
@@ -104,20 +90,16 @@ class DifferenceIntegrator:
         self,
         place: Place,
         surfaces: TracedSurfaces,
-        glosses: Sequence[Gloss] = (),
         bounds: ObjectBounds | None = None,
         max_bounces: int = 8,
+        glosses: Sequence[Gloss] = (),
         clamp_indirect: float | None = None,
     ) -> None:
-        self.place = place
-        self.surfaces = surfaces
+        super().__init__(place, surfaces, bounds, max_bounces)
         self.lobes = SpecularLobes(glosses)
-        self.bounds = bounds
-        self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
         self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
         shapes = surfaces.synthetic.shapes()
         self.has_masks = any(mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Null) for shape in shapes)
-        self.has_emitters = len(surfaces.all.emitters()) > 0
         self.has_relit = FaceKind.RELIT in surfaces.kinds
         self.has_support = FaceKind.SUPPORT in surfaces.kinds
         # Light samples are shared between the map and synthetic emitters.
@@ -125,13 +107,7 @@ class DifferenceIntegrator:
 
     @dr.syntax
     def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
-        """Follow one path along each camera ray.
-
-        Args:
-            randoms: random numbers of the paths; advanced.
-            ray: camera rays, world.
-            active: rays outside the camera's image are not followed.
-        """
+        """Follow one path along each camera ray, as the base says."""
         ray, active = mi.Ray3f(ray), mi.Bool(active)
         radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
         difference, first, covered = mi.Bool(False), mi.Bool(True), mi.Bool(False)
@@ -158,10 +134,12 @@ class DifferenceIntegrator:
 
             covered |= first & (on_synthetic | on_relit)
 
-            # Only new surfaces and the seen side of support scatter.
+            # Only new surfaces and the seen side of support scatter, up to the last bounce; holes are passed after it too.
             outside = dr.dot(hit.normal, ray.d) < 0.0
             on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & outside
-            active &= (on_synthetic | on_support) & (depth < self.max_bounces)
+            bsdf = si.bsdf(ray)
+            scatters = depth < self.max_bounces
+            active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(bsdf))
             rho, specular_scale = self._reflectance(hit, active & on_support)
             active &= on_synthetic | (dr.max(rho) > 0.0) | ((hit.gloss > 0) & (dr.max(specular_scale) > 0.0))
             point = dr.select(on_synthetic, si.p, hit.point)
@@ -185,14 +163,14 @@ class DifferenceIntegrator:
             # A ray that is not aimed carries more for it: what is heavy already is aimed less, lest weights multiply.
             aim = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
             support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, aim, specular_scale)
-            vertex = Vertex(
-                point, normal, si, si.bsdf(ray), support, active & on_synthetic, active & on_support, in_difference
-            )
+            vertex = Vertex(point, normal, si, bsdf, support, active & on_synthetic, active & on_support, in_difference)
 
             # Light sampling, section 2. In a difference, what decides is whether the one shadow ray is blocked, so
             # that its candidates weigh no more than one sample.
             weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
-            radiance += throughput * self._direct(randoms, context, vertex, active, first, weight_samples, depth)
+            radiance += throughput * self._direct(
+                randoms, context, vertex, active & scatters, first, weight_samples, depth
+            )
 
             # The next direction.
             choice, x, y = randoms.direction(first, active)
@@ -215,7 +193,7 @@ class DifferenceIntegrator:
             depth = dr.select(through, depth, depth + 1)
             first &= through
             ray = leave(point, normal, direction)
-            active &= dr.max(throughput) > 0.0
+            active &= (dr.max(throughput) > 0.0) & (scatters | through)
 
         return CameraSamples(radiance & ~covered, radiance & covered, covered)
 
@@ -266,6 +244,10 @@ class DifferenceIntegrator:
         pdf = self.surfaces.all.pdf_emitter_direction(reference, sampled, shines & ~first)
         weight = dr.select(first, 1.0, _mis_weight(last.pdf, pdf * (1.0 - self.map_share)))
         return dr.select(shines, self._clamped(emitter.eval(si, shines) * weight, depth), 0.0)
+
+    def _has_holes(self, bsdf: mi.BSDFPtr) -> mi.Bool:
+        """Whether light may pass a material without being scattered."""
+        return mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null) if self.has_masks else mi.Bool(False)
 
     def _reflectance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f]:
         """Recovered albedo and factor on the specular lobe at support points, else 0."""

@@ -23,7 +23,7 @@ from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
 from lightdepth.scene.model import Panorama, Scene
 from lightdepth.transport.bounds import ObjectBounds
-from lightdepth.transport.difference import CameraSamples
+from lightdepth.transport.integrator import CameraSamples, Integrator
 from lightdepth.transport.place import Place
 from lightdepth.transport.randoms import Randoms
 
@@ -108,14 +108,14 @@ def _scale_factors(
     return total / np.maximum(facing, SMALLEST_SHARE * total)
 
 
-class EnvpathIntegrator:
+class EnvpathIntegrator(Integrator):
     """The paper's method.
 
     Args:
         place: the photographed place.
         surfaces: real and synthetic surfaces; the support's irradiance holds its scale factors.
         panorama: the photograph.
-        bounds: the objects' bounds, or ``None`` without objects; the film asks for them.
+        bounds: the objects' bounds, or ``None`` without objects.
         max_bounces: ``MaxLength`` of algorithm 1, in scatterings; negative for no limit.
     """
 
@@ -127,26 +127,16 @@ class EnvpathIntegrator:
         bounds: ObjectBounds | None = None,
         max_bounces: int = 8,
     ) -> None:
-        self.place = place
-        self.bounds = bounds
-        self.surfaces = surfaces
+        super().__init__(place, surfaces, bounds, max_bounces)
         self._capture = mi.Vector3f(opaque_point(panorama.position))
         self._to_light = opaque_matrix(panorama.rotation.T)
-        self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
         angles = pixel_solid_angles(*panorama.radiance.shape[:2])
         total = float((panorama.radiance.mean(axis=1) @ LUMINANCE) @ angles * panorama.radiance.shape[1])
         self.total_luminance = dr.opaque(mi.Float, total)
-        self.has_emitters = len(surfaces.all.emitters()) > 0
 
     @dr.syntax
     def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
-        """Algorithm 1 along each camera ray.
-
-        Args:
-            randoms: random numbers of the paths; advanced.
-            ray: camera rays, world.
-            active: rays outside the camera's image are not followed.
-        """
+        """Algorithm 1 along each camera ray."""
         ray, active = mi.Ray3f(ray), mi.Bool(active)
         radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
         photograph = mi.Color3f(0.0)

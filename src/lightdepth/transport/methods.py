@@ -17,6 +17,7 @@ from lightdepth.scene.model import RealSurface, Role, Scene
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import DifferenceIntegrator
 from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
+from lightdepth.transport.integrator import Integrator
 from lightdepth.transport.place import Place
 from lightdepth.transport.recovered_albedo import IrradianceReport, recover_irradiance
 
@@ -35,7 +36,7 @@ class Prepared:
 
     place: Place
     surfaces: TracedSurfaces
-    integrator: DifferenceIntegrator | EnvpathIntegrator
+    integrator: Integrator
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
 
@@ -54,7 +55,7 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     place = Place(scene.panorama, surfaces, infinite) if modelled.deformed else empty.with_surfaces(surfaces)
     settings = scene.render
     integrator = DifferenceIntegrator(
-        place, surfaces, real.glosses, bounds, settings.max_bounces, settings.clamp_indirect
+        place, surfaces, bounds, settings.max_bounces, real.glosses, settings.clamp_indirect
     )
     return Prepared(place, surfaces, integrator, shapes, report)
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.kernel.real_surfaces import face_normals
+
 
 @dataclass(frozen=True)
 class Edges:
@@ -75,3 +77,67 @@ def split_edges(
             new_faces.append(np.stack(piece, axis=1)[chosen])
             parents.append(parent[chosen])
     return np.concatenate(new_faces).astype(np.int32), np.concatenate(parents)
+
+
+@dataclass(frozen=True)
+class RefinedMesh:
+    """Triangles that are refined, with what each came from.
+
+    Attributes:
+        points: where the vertices were when they were photographed, shape (n, 3), float32, world, metres.
+        vertices: where they are, likewise.
+        faces: shape (m, 3), int32.
+        parent: index of the face of the first mesh that each face is a piece of, shape (m,).
+    """
+
+    points: NDArray[np.float32]
+    vertices: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    parent: NDArray[np.int64]
+
+    def lengths(self, edges: Edges) -> NDArray[np.float64]:
+        """Of the edges, metres, shape (e,)."""
+        ends = edges.ends
+        return np.asarray(np.linalg.norm(self.points[ends[:, 0]] - self.points[ends[:, 1]], axis=1), np.float64)
+
+    def middles(self, edges: Edges) -> NDArray[np.float32]:
+        """Of the edges, world, metres, shape (e, 3)."""
+        return np.asarray(self.points[edges.ends].mean(axis=1), np.float32)
+
+    def vertex_normals(self) -> NDArray[np.float32]:
+        """Normal at each vertex, that of any of its faces, which must agree; 0 at vertices without faces."""
+        normals = np.zeros_like(self.points)
+        for corner in range(3):
+            normals[self.faces[:, corner]] = face_normals(self.points, self.faces)
+        return normals
+
+    def inside(self) -> NDArray[np.float32]:
+        """Vertices moved a little into their faces, so that none lies exactly in the plane of a neighbouring wall."""
+        total, count = np.zeros(self.points.shape), np.zeros(len(self.points))
+        centre = self.points[self.faces].mean(axis=1)
+        for corner in range(3):
+            np.add.at(total, self.faces[:, corner], centre)
+            np.add.at(count, self.faces[:, corner], 1.0)
+        toward = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None] - self.points, 0.0)
+        return (self.points + 0.01 * toward).astype(np.float32)
+
+    def halved(
+        self, edges: Edges, lengths: NDArray[np.float64], marked: NDArray[np.bool_]
+    ) -> tuple[RefinedMesh, NDArray[np.int64]]:
+        """Split the faces at the middles of marked edges, which become vertices in the order of the edges.
+
+        Args:
+            edges: of this mesh.
+            lengths: of the edges.
+            marked: which edges to halve, as :func:`close_marks` gives them.
+
+        Returns:
+            The finer mesh, and the index of the face of this one that each of its faces is a piece of.
+        """
+        middle = np.full(len(edges.ends), -1, np.int64)
+        middle[marked] = len(self.points) + np.arange(int(marked.sum()))
+        faces, piece_of = split_edges(self.faces, edges, lengths, middle)
+        ends = edges.ends[marked]
+        points = np.concatenate([self.points, self.points[ends].mean(axis=1).astype(np.float32)])
+        vertices = np.concatenate([self.vertices, self.vertices[ends].mean(axis=1).astype(np.float32)])
+        return RefinedMesh(points, vertices, faces, self.parent[piece_of]), piece_of
