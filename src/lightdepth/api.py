@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["begin_rendering", "load_scene", "render"]
 
 DEFAULT_METHOD = "difference"
+DRAFT_SAMPLES, DRAFT_IRRADIANCE_SAMPLES = 1, 64
+"""What a draft takes: a camera sample a pixel, and of each technique at each point of support."""
 
 
 def render(
@@ -31,6 +34,7 @@ def render(
     device: Device = "auto",
     denoise: bool = False,
     progress: Callable[[Progress], bool | None] | None = None,
+    draft: bool = False,
 ) -> Frame:
     """Render a camera of a scene.
 
@@ -44,6 +48,8 @@ def render(
         device: ``auto``, ``cpu`` or ``cuda``.
         denoise: denoise the change and the synthetic layer.
         progress: called after every pass; where it returns true, the rendering stops with what it has.
+        draft: a quick look: one noisy sample a pixel, if ``samples`` does not say otherwise, and shadows whose strength is
+            known to some percent.
 
     Returns:
         The image with its layers.
@@ -52,7 +58,7 @@ def render(
         InputError: the camera or the method is unknown, or ``lightdepth check`` finds an error in the scene.
         SetupError: the renderer or the denoiser is not installed rightly.
     """
-    rendering = begin_rendering(scene, camera, method, seed, device)
+    rendering = begin_rendering(scene, camera, method, seed, device, draft=draft)
     frame = rendering.complete(samples, noise, progress)
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
@@ -68,6 +74,7 @@ def begin_rendering(
     seed: int | None = None,
     device: Device = "auto",
     warn: Callable[[str], None] | None = None,
+    draft: bool = False,
 ) -> Rendering:
     """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
 
@@ -80,6 +87,7 @@ def begin_rendering(
         seed: of the random numbers.
         device: ``auto``, ``cpu`` or ``cuda``.
         warn: told what will make the picture wrong in places, before the preparation takes its time.
+        draft: a quick look.
     """
     view = find_camera(scene, camera)
     start(device)
@@ -89,6 +97,8 @@ def begin_rendering(
             warn(warning)
     from lightdepth.film.rendering import Rendering
 
+    if draft:
+        scene = _drafted(scene)
     return Rendering(scene, _prepare(scene, method), view, method, scene.render.seed if seed is None else seed)
 
 
@@ -124,6 +134,7 @@ def forget_prepared() -> None:
 
     _prepare.cache_clear()
     _renderable.cache_clear()
+    _drafted.cache_clear()
     dr.flush_malloc_cache()
 
 
@@ -143,6 +154,12 @@ def _renderable(scene: Scene) -> tuple[str, ...]:
     if told[Severity.ERROR]:
         raise InputError("\n".join(told[Severity.ERROR]))
     return (*scene.panorama.repairs, *told[Severity.WARNING])
+
+
+@lru_cache(maxsize=2)
+def _drafted(scene: Scene) -> Scene:
+    settings = replace(scene.render, samples=DRAFT_SAMPLES, noise=None, irradiance_samples=DRAFT_IRRADIANCE_SAMPLES)
+    return replace(scene, render=settings)
 
 
 @lru_cache(maxsize=2)

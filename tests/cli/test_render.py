@@ -101,6 +101,16 @@ def test_the_file_has_all_layers_and_says_how_it_was_made(first):
     assert sorted(path.name for path in target.parent.iterdir()) == ["picture.exr", "picture.png"]
 
 
+def test_a_draft_is_one_sample_of_the_same_picture(first, scene, tmp_path):
+    full = read_frame(first[0])
+    status, _, errors = render(scene, "-o", tmp_path / "draft.exr", "--repair", "--progress", "none", "--draft")
+    assert (status, "Traceback" in errors) == (0, False)
+    draft = read_frame(tmp_path / "draft.exr")
+    assert float(draft.metadata["samples"]) == 1.0
+    np.testing.assert_array_equal(draft.plate, full.plate)
+    assert draft.beauty.mean() == pytest.approx(full.beauty.mean(), rel=0.1)
+
+
 def test_another_process_with_the_same_seed_makes_the_same_picture(first, scene, tmp_path):
     target, *_ = first
     options = ("--seed", 3, "--repair", "--progress", "none", "--layers", "change, depth", "--samples", 400)

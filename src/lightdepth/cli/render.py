@@ -40,6 +40,7 @@ def render(
     method: Annotated[str, typer.Option(help="difference | envpath | directional")] = "difference",
     device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
     denoise: Annotated[bool, typer.Option("--denoise", help="Denoise the change and the new objects only.")] = False,
+    draft: Annotated[bool, typer.Option("--draft", help="A quick look: one sample, light known roughly.")] = False,
     exposure: Annotated[
         float | None, typer.Option(help="Exposure of the PNG in stops; from the photograph by default.")
     ] = None,
@@ -74,7 +75,7 @@ def render(
             _check_output(target)
             teller = _Teller(progress, target)
             teller.say("preparing")
-            begin = partial(begin_rendering, loaded, name, method, seed, device, teller.warn)
+            begin = partial(begin_rendering, loaded, name, method, seed, device, teller.warn, draft)
             show = partial(_show, teller, target, exposure)
             frame, panoramic = _rendered(begin, samples, noise, teller, interruption, show, preview_seconds)
             interrupted = interruption.asked
