@@ -12,10 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.tracing import leave
-from lightdepth.transport.place import SHADOW_RAY_END, Place
+from lightdepth.transport.place import LIGHT_SAMPLES, SHADOW_RAY_END, Place
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
 LANES = 1 << 21
+LIGHTS_PER_SAMPLE = 256
+"""Drawing many lights for few samples a point would take longer than using them."""
 
 
 def estimate_irradiance(
@@ -86,7 +88,7 @@ def _estimate(
     half = samples // 2
     results = np.zeros((2, len(points), 3))
     for result in results:
-        place.draw_lights(generator)
+        place.draw_lights(generator, min(LIGHT_SAMPLES, LIGHTS_PER_SAMPLE * samples))
         for chunk in np.array_split(np.arange(len(points)), max(1, -(-len(points) * half // LANES))):
             lane = dr.arange(mi.UInt32, len(chunk) * half)
             owner = lane // half
