@@ -11,11 +11,11 @@ from scipy.spatial import KDTree
 
 from lightdepth.errors import InputError
 from lightdepth.reconstruction.cleaning import smoothed, thinned, without_outliers
-from lightdepth.reconstruction.clicks import Pose
 from lightdepth.reconstruction.floor import Plane, find_floor, part_of
 from lightdepth.reconstruction.from_depth import Measured, split_roles
 from lightdepth.reconstruction.point_cloud import PointCloud
 from lightdepth.reconstruction.poisson import poisson_surface
+from lightdepth.reconstruction.pose import Pose
 
 FloatArray = NDArray[np.float64]
 
