@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from lightdepth.errors import InputError
 from lightdepth.kernel.start import Device, start
+from lightdepth.packages import require_package
 from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import CameraView, Scene
 
@@ -52,6 +53,8 @@ def render(
         InputError: the camera or the method is unknown, or the scene cannot be rendered.
         SetupError: the renderer or the denoiser is not installed rightly.
     """
+    if denoise:  # Not first found out when all is rendered.
+        require_package("mitsuba_oidn", "denoise")
     settings = scene.render
     rendering = begin_rendering(scene, camera, method, seed, device)
     noise = settings.noise if noise is None else noise
