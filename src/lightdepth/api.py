@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from lightdepth.errors import InputError
 from lightdepth.kernel.start import Device, start
+from lightdepth.packages import require_package
 from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import CameraView, Scene
 
@@ -58,6 +59,8 @@ def render(
         InputError: the camera or the method is unknown, or ``lightdepth check`` finds an error in the scene.
         SetupError: the renderer or the denoiser is not installed rightly.
     """
+    if denoise:  # Not first found out when all is rendered.
+        require_package("mitsuba_oidn", "denoise")
     rendering = begin_rendering(scene, camera, method, seed, device, draft=draft)
     frame = rendering.complete(samples, noise, progress)
     if denoise:

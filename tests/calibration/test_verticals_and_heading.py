@@ -6,9 +6,8 @@ from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
 from lightdepth.calibration.arcs import Arcs
-from lightdepth.calibration.clicks import pixels_to_directions
 from lightdepth.calibration.solve import Cues, calibrate
-from lightdepth.directions import euler_rotation
+from lightdepth.directions import euler_rotation, latlong_to_direction
 from lightdepth.errors import InputError
 from tests.calibration.calibration_helpers import angle_between, seen_from
 
@@ -83,7 +82,7 @@ def test_hand_clicked_verticals_of_a_real_room(shared_data):
             [[969.5, 183], [968.75, 312]],
         ]
     )
-    directions = pixels_to_directions(pixels, 1024, 512, "--vertical")
+    directions = latlong_to_direction(pixels[..., 0] / 1024, pixels[..., 1] / 512)
     level = calibrate(Cues(verticals=Arcs(directions)))
     assert level.tilt < 0.5
     # The same clicks on the panorama turned by a known rotation.

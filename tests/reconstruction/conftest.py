@@ -5,7 +5,7 @@ import pytest
 
 from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.images.exr import ExrPart, write_exr
-from lightdepth.reconstruction.clicks import Pose
+from lightdepth.reconstruction.pose import Pose
 from tests.reconstruction.virtual_room import CAPTURE, radiance, trace
 
 ROTATION = (2.0, -3.0, 25.0)

@@ -52,3 +52,13 @@ def distance_to_surface(points):
         return np.where(inside > 0, inside, np.linalg.norm(outside, axis=-1))
 
     return np.minimum.reduce([to_box(*ROOM), *(to_box(*box) for box in FURNITURE.values())])
+
+
+def scanned(toward, half_angle, count=20_000, seed=0):
+    """Points with 1 cm noise of every direction but those in a cone."""
+    random = np.random.default_rng(seed)
+    directions = random.normal(size=(count, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    directions = directions[directions @ toward < np.cos(np.radians(half_angle)) * np.linalg.norm(toward)]
+    ranges = trace(CAPTURE, directions) + random.normal(0, 0.01, len(directions))
+    return CAPTURE + directions * ranges[:, None]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from lightdepth.errors import InputError
+from lightdepth.packages import optional_package
 
 # What dials and EXIF data say, in thirds and halves of a stop.
 _PRINTED = [30, 25, 20, 15, 13, 10, 8, 6, 5, 4, 3.2, 2.5, 2, 1.6, 1.3, 1, 0.8, 0.6, 0.5, 0.4, 0.3]
@@ -56,6 +57,7 @@ def read_exposures(photographs: Sequence[Path], table: Path | None = None) -> li
 
     Raises:
         InputError: a file or a value is missing, or out of range.
+        SetupError: the package that reads EXIF data is not installed, and there is no table.
     """
     if table is None:
         return [read_exif(path) for path in photographs]
@@ -71,9 +73,9 @@ def read_exif(path: Path) -> Exposure:
 
     Raises:
         InputError: the file is missing, or lacks the exposure time.
+        SetupError: the package that reads EXIF data is not installed.
     """
-    import exifread
-
+    exifread = optional_package("exifread", "capture")
     # The library logs what it skips; the errors below say what is missing.
     logging.getLogger("exifread").setLevel(logging.CRITICAL)
     try:

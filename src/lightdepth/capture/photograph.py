@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.packages import optional_package
 
 Codes = NDArray[np.uint8] | NDArray[np.uint16]
 """Camera readings: RGB, shape (height, width, 3), 0 is black and the type's largest value is white."""
@@ -38,6 +39,7 @@ def read_photograph(path: Path, orientation: int = 1) -> Codes:
 
     Raises:
         InputError: the file is missing, is no readable photograph, or has a type that has no white.
+        SetupError: it is RAW and the package that reads it is not installed.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
@@ -59,8 +61,7 @@ def _read_developed(path: Path) -> Codes:
 
 
 def _read_raw(path: Path) -> Codes:
-    import rawpy
-
+    rawpy = optional_package("rawpy", "capture")
     try:
         with rawpy.imread(str(path)) as raw:
             return raw.postprocess(

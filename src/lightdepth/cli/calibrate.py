@@ -100,6 +100,7 @@ def calibrate(
 
     from lightdepth.calibration.arcs import Arcs
     from lightdepth.calibration.check_picture import draw_check_picture
+    from lightdepth.calibration.clicks import read_clicks
     from lightdepth.calibration.rectangle import FloorRectangle
     from lightdepth.calibration.scene_file import write_pose
     from lightdepth.calibration.solve import Cues
@@ -120,10 +121,10 @@ def calibrate(
         check_writable(picture)
 
     radiance = validate_panorama(read_radiance(panorama), panorama, repair=True)
-    size = None if angles else (radiance.shape[1], radiance.shape[0])
-    corners = _directions(rectangle, 4, "--rectangle", size) if rectangle is not None else None
-    verticals = [_directions(text, 2, "--vertical", size) for text in vertical or []]
-    toward = _directions(heading, 1, "--heading", size)[0] if heading is not None else None
+    size = None if angles else (radiance.shape[0], radiance.shape[1])
+    corners = read_clicks(rectangle, size, "--rectangle", 4) if rectangle is not None else None
+    verticals = [read_clicks(text, size, "--vertical", 2) for text in vertical or []]
+    toward = read_clicks(heading, size, "--heading", 1)[0] if heading is not None else None
     if click_error is None:
         click_error = 0.2 if angles else 1.0
     room = _find_room(radiance, show_progress=not json_output) if auto else None
@@ -148,14 +149,6 @@ def calibrate(
         clicks = [points.reshape(-1, 3) for points in (corners, *verticals, toward) if points is not None]
         write_png(picture, draw_check_picture(radiance, result, room, clicks))
     _print(report, json_output)
-
-
-def _directions(text: str, count: int, option: str, size: tuple[int, int] | None) -> Any:
-    """Clicked points as directions; ``size`` is the panorama's in pixels, ``None`` where they are angles."""
-    from lightdepth.calibration.clicks import angles_to_directions, parse_points, pixels_to_directions
-
-    points = parse_points(text, count, option)
-    return angles_to_directions(points, option) if size is None else pixels_to_directions(points, *size, option)
 
 
 def _find_room(radiance: Any, show_progress: bool) -> RoomFrame:

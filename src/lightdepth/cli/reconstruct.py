@@ -222,12 +222,14 @@ def from_points(
     Example: lightdepth reconstruct from-points scan.e57 --panorama lounge.toml -o meshes --write lounge.toml
     --picture check.png
     """
+    from lightdepth.packages import require_package
     from lightdepth.reconstruction.from_points import surfaces_from_points
     from lightdepth.reconstruction.place import parse_three, read_place
     from lightdepth.reconstruction.point_cloud import read_points
     from lightdepth.reconstruction.result import closed
 
     place = read_place(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
+    require_package("pymeshlab", "points")  # Not first found out when all points are read and cleaned.
     cloud = read_points(points, scale, up.value, parse_three(origin, "--origin") or (0.0, 0.0, 0.0))
     with _progress() as progress:
         tasks: dict[str, TaskID] = {}

@@ -62,7 +62,10 @@ def render(
     """
     from lightdepth.api import begin_rendering, forget_prepared, load_scene
     from lightdepth.film.layers import LAYERS
+    from lightdepth.packages import require_package
 
+    if denoise:  # Not first found out when all is rendered.
+        require_package("mitsuba_oidn", "denoise")
     chosen = {"all": None, "none": []}.get(layers, [layer.strip() for layer in layers.split(",")])
     unknown = [layer for layer in chosen or [] if layer not in LAYERS]
     if unknown:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from lightdepth.errors import SetupError
 from lightdepth.film.frame import Frame
 from lightdepth.images.tonemapping import MIDDLE_GREY
+from lightdepth.packages import optional_package
 
 MARGIN = 128
 """Pixels that the filter is shown around a band, so that bands meet without a seam."""
@@ -41,7 +41,7 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
     Raises:
         SetupError: the package ``mitsuba-oidn`` is not installed.
     """
-    oidn = _load()
+    oidn = optional_package("mitsuba_oidn", "denoise")
     height, width = frame.coverage.shape
     change, synthetic = np.zeros_like(frame.change), np.zeros_like(frame.synthetic)
     floor = np.float32(DARK * np.median(frame.plate[::4, ::4]) + 1e-12)
@@ -72,16 +72,6 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
             change[band] = np.where(_touched(frame.change[band]), clean, 0.0)
     facts = {**frame.metadata, "denoised": "change, synthetic"}
     return replace(frame, change=change, synthetic=synthetic, metadata=facts)
-
-
-def _load() -> ModuleType:
-    try:
-        import mitsuba_oidn
-    except ImportError as error:
-        raise SetupError(
-            f"denoising needs Open Image Denoise ({error}). Install it with `pip install 'lightdepth[denoise]'`"
-        ) from error
-    return mitsuba_oidn
 
 
 def _extended(layer: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:

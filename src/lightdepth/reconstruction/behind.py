@@ -8,8 +8,8 @@ from scipy import ndimage
 
 from lightdepth.directions import pixel_directions
 from lightdepth.lightmap.depth_mesh import joined
-from lightdepth.reconstruction.clicks import Pose
 from lightdepth.reconstruction.depth_image import continued
+from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.model import Mesh
 
 FloatArray = NDArray[np.float64]

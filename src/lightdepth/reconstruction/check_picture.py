@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from lightdepth.directions import pixel_directions
 from lightdepth.images.tonemapping import auto_exposure, tone_map
 from lightdepth.kernel.raycasting import Hits
-from lightdepth.reconstruction.clicks import Pose
 from lightdepth.reconstruction.coverage import view
+from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.model import RealSurface, Role
 
 Picture = NDArray[np.uint8]

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from lightdepth.directions import pixel_directions, pixel_solid_angles
 from lightdepth.kernel.raycasting import Hits, RayCaster
-from lightdepth.reconstruction.clicks import Pose
+from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
 HEIGHT = 512

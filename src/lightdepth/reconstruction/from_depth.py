@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from lightdepth.errors import InputError
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
 from lightdepth.reconstruction.behind import surface_behind
-from lightdepth.reconstruction.clicks import Pose
 from lightdepth.reconstruction.depth_image import DepthImage, denoised, fill_missing, reduced
 from lightdepth.reconstruction.floor import Plane, find_floor, split_floor, spread_points
+from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
 

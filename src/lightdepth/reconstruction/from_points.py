@@ -11,11 +11,12 @@ from scipy.spatial import KDTree
 
 from lightdepth.errors import InputError
 from lightdepth.reconstruction.cleaning import smoothed, thinned, without_outliers
-from lightdepth.reconstruction.clicks import Pose
 from lightdepth.reconstruction.floor import Plane, find_floor, part_of
 from lightdepth.reconstruction.from_depth import Measured, split_roles
 from lightdepth.reconstruction.point_cloud import PointCloud
 from lightdepth.reconstruction.poisson import poisson_surface
+from lightdepth.reconstruction.pose import Pose
+from lightdepth.reconstruction.unseen import continued_planes
 
 FloatArray = NDArray[np.float64]
 
@@ -67,6 +68,9 @@ def surfaces_from_points(
         added = _floor_under_the_scanner(points, floor, floor_tolerance, cell)
         points = np.concatenate([points, added])
         normals = np.concatenate([normals, np.broadcast_to(floor.normal, added.shape)])
+    if not keep_open:
+        continued, facing = continued_planes(points, normals, pose.position, cell)
+        points, normals = np.concatenate([points, continued]), np.concatenate([normals, facing])
     progress("Reconstructing the surface", 0.0)
     mesh = poisson_surface(points, normals, cell, most_faces)
     if keep_open:

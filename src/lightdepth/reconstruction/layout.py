@@ -12,10 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.calibration.clicks import read_clicks
 from lightdepth.errors import InputError
-from lightdepth.reconstruction.clicks import Pose, on_level, parse_clicks
 from lightdepth.reconstruction.place import Place
 from lightdepth.reconstruction.polygon import contains, crossing_sides, signed_area, triangulate
+from lightdepth.reconstruction.pose import Pose, on_level
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
 FloatArray = NDArray[np.float64]
@@ -114,14 +115,12 @@ def surfaces_from_layout(
     if ground_radius is not None:
         surfaces = ground(pose.position, floor, ground_radius)
     else:
-        corners = floor_plan(parse_clicks(clicked.floor or "", size, "--floor"), pose, floor)
+        corners = floor_plan(read_clicks(clicked.floor or "", size, "--floor"), pose, floor)
         if ceiling is not None:
             top = floor + ceiling
         else:
-            clicks = parse_clicks(clicked.ceiling_corner or "", size, "--ceiling-corner")
-            if len(clicks) != 1:
-                raise InputError(f"--ceiling-corner: {len(clicks)} clicks found; one is needed")
-            top = ceiling_height(clicks[0], corners, pose)
+            (click,) = read_clicks(clicked.ceiling_corner or "", size, "--ceiling-corner", 1)
+            top = ceiling_height(click, corners, pose)
         if top <= pose.position[2]:
             raise InputError(
                 f"--ceiling: the ceiling is {top - floor:g} m above the floor, but the camera is "
@@ -172,7 +171,7 @@ def parse_furniture(text: str, size: tuple[int, int] | None, option: str, number
     )
     if not well_formed:
         raise InputError(f"{what}: {FURNITURE_FORM}")
-    directions = parse_clicks(" ".join(word for word in words if "=" not in word), size, what)
+    directions = read_clicks(" ".join(word for word in words if "=" not in word), size, what)
     fewest = 2 if option == "--panel" else 3
     if len(directions) < fewest:
         raise InputError(f"{what}: {len(directions)} clicks found; at least {fewest} are needed")

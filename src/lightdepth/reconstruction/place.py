@@ -14,7 +14,7 @@ from lightdepth.directions import euler_rotation
 from lightdepth.errors import InputError
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import validate_panorama
-from lightdepth.reconstruction.clicks import Pose
+from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.schema import PanoramaTable, SceneFile
 

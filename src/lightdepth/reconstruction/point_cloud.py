@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError, SetupError
+from lightdepth.packages import optional_package
 
 FloatArray = NDArray[np.float64]
 
@@ -75,7 +74,8 @@ def read_points(
 
 
 def _from_ply(path: Path) -> PointCloud:
-    trimesh = importlib.import_module("trimesh")
+    import trimesh
+
     loaded = trimesh.load(path, process=False)
     points = np.asarray(loaded.vertices, dtype=np.float64)
     vertex = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
@@ -87,11 +87,14 @@ def _from_ply(path: Path) -> PointCloud:
 
 
 def _from_las(path: Path) -> PointCloud:
-    return PointCloud(np.asarray(_package("laspy").read(path).xyz, dtype=np.float64))
+    laspy = optional_package("laspy", "points")
+    if path.suffix.lower() == ".laz" and not laspy.LazBackend.detect_available():
+        optional_package("lazrs", "points")  # One that laspy can decompress with.
+    return PointCloud(np.asarray(laspy.read(path).xyz, dtype=np.float64))
 
 
 def _from_e57(path: Path) -> PointCloud:
-    file = _package("pye57").E57(str(path))
+    file = optional_package("pye57", "points").E57(str(path))
     try:
         scans, ways = [], []
         for index in range(file.scan_count):
@@ -121,13 +124,6 @@ def _is_point(line: str, comma: bool) -> bool:
         return len([float(word) for word in words[:3]]) == 3
     except ValueError:
         return False
-
-
-def _package(name: str) -> ModuleType:
-    try:
-        return importlib.import_module(name)
-    except ImportError as error:
-        raise SetupError(f"the Python package '{name}' is missing: pip install 'lightdepth[points]'") from error
 
 
 READERS: dict[str, Callable[[Path], PointCloud]] = {

@@ -7,7 +7,6 @@ program along.
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import subprocess
 import sys
@@ -17,7 +16,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.errors import LightdepthError, SetupError
+from lightdepth.errors import LightdepthError
+from lightdepth.packages import require_package
 from lightdepth.scene.model import Mesh
 
 
@@ -37,8 +37,7 @@ def poisson_surface(points: NDArray[np.float64], normals: NDArray[np.float64], c
         SetupError: PyMeshLab is not installed.
         LightdepthError: it failed.
     """
-    if importlib.util.find_spec("pymeshlab") is None:
-        raise SetupError("the Python package 'pymeshlab' is missing: pip install 'lightdepth[points]'")
+    require_package("pymeshlab", "points")
     extent = float(np.ptp(points, axis=0).max())
     depth = int(np.clip(np.round(np.log2(1.3 * extent / cell)), 5, 11))
     centre = points.mean(axis=0)  # PyMeshLab computes in single precision.

@@ -1,4 +1,4 @@
-"""Points that a person clicked on the panorama, and the horizontal planes that they lie on."""
+"""The panorama's pose, and where clicked directions meet the horizontal planes that they lie on."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.directions import direction_to_latlong, latlong_to_direction
+from lightdepth.directions import direction_to_latlong
 from lightdepth.errors import InputError
 
 FloatArray = NDArray[np.float64]
@@ -35,44 +35,6 @@ class Pose:
     def to_panorama(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Panorama coordinates (u, v) in [0, 1] at which world points of shape (..., 3) are seen."""
         return direction_to_latlong((points - self.position) @ self.rotation)
-
-
-def parse_clicks(text: str, size: tuple[int, int] | None, what: str) -> FloatArray:
-    """Read clicks written as ``x,y x,y ...``.
-
-    Args:
-        text: pixels, x to the right and y down from the picture's upper left corner, so that the first pixel's centre
-            is at 0.5,0.5; or, without a size, degrees to the right of the panorama's centre and above its horizon.
-        size: height and width of the panorama in pixels; ``None`` for angles.
-        what: the option, for messages.
-
-    Returns:
-        Unit vectors in light space, shape (n, 3).
-
-    Raises:
-        InputError: something else is written there, or a click lies outside the panorama.
-    """
-    clicks = []
-    for word in text.split():
-        try:
-            x, y = (float(number) for number in word.split(","))
-        except ValueError as error:
-            raise InputError(f"{what}: '{word}' is no click; write each as x,y with a space between clicks") from error
-        clicks.append((x, y))
-    across, down = np.array(clicks, dtype=np.float64).reshape(-1, 2).T
-    if size is None:
-        low, high, unit = np.array([-360.0, -90.0]), np.array([360.0, 90.0]), "degrees"
-        u, v = across / 360.0 + 0.5, 0.5 - down / 180.0
-    else:
-        low, high, unit = np.zeros(2), np.array([size[1], size[0]], dtype=np.float64), "pixels"
-        u, v = across / size[1], down / size[0]
-    for i, click in enumerate(clicks):
-        if not np.all((np.array(click) >= low) & (np.array(click) <= high)):
-            raise InputError(
-                f"{what}: click {i + 1} is {click[0]:g},{click[1]:g}; allowed are x from {low[0]:g} to {high[0]:g} and "
-                f"y from {low[1]:g} to {high[1]:g} {unit}"
-            )
-    return latlong_to_direction(u, v)
 
 
 def on_level(directions: FloatArray, pose: Pose, height: float, what: str) -> FloatArray:

@@ -1,0 +1,127 @@
+"""Where a scan saw nothing: its large planes go on, so that walls stay flat and meet in their corners."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import KDTree
+
+from lightdepth.directions import direction_to_latlong, euler_rotation, pixel_directions
+
+FloatArray = NDArray[np.float64]
+
+GAP_CELLS = 4.0
+"""A direction is unseen where the nearest measured point lies this many cells beside it."""
+RING = np.radians(12.0)
+"""Width of the ring around unseen directions, from whose points it is judged how the place goes on."""
+SMALLEST_SHARE = 0.04
+"""A plane goes on where it holds at least this part of the ring's points."""
+BEYOND = 0.04
+"""A plane that more than this part of the ring's points lie behind is furniture's: one sees past it."""
+ROWS = (64, 400)
+"""Fewest and most rows of the picture that unseen directions are looked for in."""
+TRIALS = 300
+
+
+def continued_planes(
+    points: FloatArray, normals: FloatArray, capture_point: FloatArray, cell: float, seed: int = 0
+) -> tuple[FloatArray, FloatArray]:
+    """Points on the continuation of the place's planes into the directions that were not measured.
+
+    Around every unseen region planes are looked for (RANSAC). Those that one nowhere sees past are the place's walls,
+    floor or ceiling: they go on, and the nearest of them is what is seen, at the farthest the box along the walls that
+    holds all measured points. Where the rim of an unseen region is something else, as a piece of furniture's, no points
+    are added: the surface is to bridge that by itself.
+
+    Args:
+        points: without outliers and noise, world, metres, shape (n, 3).
+        normals: unit, into the open, shape (n, 3).
+        capture_point: where unseen directions start, world, metres, shape (3,).
+        cell: size of the finest details, metres.
+        seed: of the random trials.
+
+    Returns:
+        Added points and their normals, each of shape (m, 3), about a cell apart.
+    """
+    random = np.random.default_rng(seed)
+    ways = points - capture_point
+    ranges = np.linalg.norm(ways, axis=1)
+    height = 2 * int(np.clip(np.pi * np.median(ranges) / cell, *ROWS) / 2)
+    directions = pixel_directions(height, 2 * height)
+    angle, nearest = KDTree(ways / ranges[:, None]).query(directions.reshape(-1, 3))
+    unseen = (angle * ranges[nearest] > GAP_CELLS * cell).reshape(height, 2 * height)
+    u, v = direction_to_latlong(ways)
+    pixels = np.minimum((v * height).astype(int), height - 1), (u * 2 * height).astype(int) % (2 * height)
+    regions = _regions(unseen)
+    box = _box(points, normals)
+    added, facing = [np.empty((0, 3))], [np.empty((0, 3))]
+    for region in range(1, regions.max() + 1):
+        chosen = regions == region
+        inside = directions[chosen]
+        if len(inside) == 0:
+            continue
+        beside = KDTree(inside).query(directions.reshape(-1, 3), distance_upper_bound=RING)[0] < np.inf
+        ring = beside.reshape(unseen.shape)[pixels]
+        planes = _planes(points, normals, ring, cell, random)
+        rim = points[nearest.reshape(unseen.shape)[chosen]]
+        inside = inside[(np.abs(rim @ planes[:, :3].T - planes[:, 3]) < cell).any(axis=1)]
+        walls = np.concatenate([planes, box])
+        approach = -inside @ walls[:, :3].T
+        clearance = walls[:, :3] @ capture_point - walls[:, 3]
+        met = (approach > 1e-6) & (clearance > 0.0)
+        distance = np.divide(clearance, approach, out=np.full(approach.shape, np.inf), where=met)
+        first = distance.argmin(axis=1)
+        added.append(capture_point + inside * distance[np.arange(len(inside)), first, None])
+        facing.append(walls[first, :3])
+    return np.concatenate(added), np.concatenate(facing)
+
+
+def _box(points: FloatArray, normals: FloatArray) -> FloatArray:
+    """The box along the walls that holds all points: inward normals and offsets of its sides, shape (6, 4)."""
+    fourfold = np.sum((normals[:, 0] + 1j * normals[:, 1]) ** 4)  # Alike for all four walls of a room.
+    axes = euler_rotation([0.0, 0.0, np.degrees(np.angle(fourfold)) / 4.0]).T
+    extents = points @ axes.T
+    low = np.column_stack([axes, extents.min(axis=0)])
+    return np.concatenate([low, np.column_stack([-axes, -extents.max(axis=0)])])
+
+
+def _regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Connected regions of a panorama from 1 on, joined across its left and right edge; 0 elsewhere."""
+    labels, _ = ndimage.label(mask)
+    for left, right in zip(labels[:, 0], labels[:, -1], strict=True):
+        if left and right and left != right:
+            labels[labels == right] = left
+    return labels
+
+
+def _planes(
+    points: FloatArray, normals: FloatArray, ring: NDArray[np.bool_], cell: float, random: np.random.Generator
+) -> FloatArray:
+    """Planes that many points of the ring lie on and hardly any behind: normals and offsets, shape (k, 4)."""
+    planes = []
+    left = ring.copy()
+    needed = max(SMALLEST_SHARE * ring.sum(), 30)
+    while left.sum() > needed:
+        trials = random.choice(np.flatnonzero(left), TRIALS)
+        counts = [_on(points[left], normals[left], normals[i], normals[i] @ points[i], cell).sum() for i in trials]
+        best = trials[int(np.argmax(counts))]
+        normal, offset = normals[best], normals[best] @ points[best]
+        for _ in range(4):
+            own = _on(points, normals, normal, offset, cell)  # Also beyond the ring: the longer, the straighter.
+            centre = points[own].mean(axis=0)
+            fitted = np.linalg.eigh((points[own] - centre).T @ (points[own] - centre))[1][:, 0]
+            normal = fitted * np.sign(fitted @ normal)
+            offset = normal @ centre
+        own = _on(points, normals, normal, offset, cell) & left
+        if own.sum() < needed:
+            break
+        left &= ~own
+        if np.mean(points[ring] @ normal - offset < -2.0 * cell) < BEYOND:
+            planes.append([*normal, offset])
+    return np.array(planes).reshape(-1, 4)
+
+
+def _on(points: FloatArray, normals: FloatArray, normal: FloatArray, offset: float, cell: float) -> NDArray[np.bool_]:
+    """Which points lie on a plane and look its way."""
+    return (np.abs(points @ normal - offset) < 0.5 * cell) & (normals @ normal > 0.9)
