@@ -39,7 +39,7 @@ class Blender:
         return [str(self.python), str(SCRIPTS / f"{script}.py"), *map(str, arguments)]
 
     def run(self, script: str, *arguments: object) -> dict:
-        """Run a script in this Blender; returns what it answered."""
+        """Run a script in this Blender; returns what it answered, and under "said" what it printed (its reports)."""
         done = subprocess.run(
             self.command(script, *arguments),
             env=self.environment,
@@ -52,7 +52,7 @@ class Blender:
         # bpy 4.2 crashes when Python ends, whatever was registered: it has answered by then.
         assert done.returncode in (0, -signal.SIGSEGV), done.stdout + done.stderr
         assert answers, done.stdout + done.stderr
-        return json.loads(answers[-1].removeprefix(ANSWER))
+        return {"said": done.stdout} | json.loads(answers[-1].removeprefix(ANSWER))
 
 
 @pytest.fixture(scope="session")
