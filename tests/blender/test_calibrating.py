@@ -1,6 +1,5 @@
 """Four clicked corners, and the pose that the real ``lightdepth calibrate`` finds from them."""
 
-import importlib.util
 import json
 
 import numpy as np
@@ -8,18 +7,8 @@ import pytest
 
 from lightdepth.directions import euler_rotation, latlong_to_direction
 from lightdepth.images.radiance import write_radiance
-from tests.blender.conftest import ROOT
 
 WIDTH = 256
-
-
-@pytest.fixture(scope="module")
-def room():
-    """The computed room of the examples, whose pose is known."""
-    specification = importlib.util.spec_from_file_location("calibration_room", ROOT / "examples/calibration/room.py")
-    module = importlib.util.module_from_spec(specification)
-    specification.loader.exec_module(module)
-    return module
 
 
 @pytest.fixture(scope="module")

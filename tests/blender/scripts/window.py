@@ -15,7 +15,9 @@ import subprocess
 import sys
 import traceback
 
-_SYMBOL = re.compile(r"([0-9a-f]+) \w (?:blender::)?(PyInit_bpy|main_python_enter|WM_main|BPY_context_get)\b(?!.*\.cold)")
+_SYMBOL = re.compile(
+    r"([0-9a-f]+) \w (?:blender::)?(PyInit_bpy|main_python_enter|WM_main|BPY_context_get)\b(?!.*\.cold)"
+)
 _SET_FLAG = re.compile(rb"\xc6[\x80-\x87]..\x00\x00\x01", re.DOTALL)
 """``movb $1, offset(register)`` with an offset below 64 KiB: first for factory settings, then for the background."""
 _PROLOGUE = 1500

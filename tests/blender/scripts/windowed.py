@@ -18,21 +18,21 @@ from session import add_camera, answer, begin, module  # noqa: E402
 folder = Path(sys.argv[1])
 truth = json.loads((folder / "truth.json").read_text())
 found = {}
-DRAWN = 1.0
+DRAWN = 0.3
 """Seconds in which a software-drawn window shows what changed and takes what was typed."""
 
 
 def steps():
     scene = begin()
-    # The window draws with the settings and the scene that a person begins with.
     bpy.context.preferences.view.render_display_type = "AREA"
     bpy.context.preferences.view.show_splash = False
     settings = scene.lightdepth
     viewport = window.editor("VIEW_3D")
     with bpy.context.temp_override(**viewport):
         bpy.ops.lightdepth.load_panorama(filepath=str(folder / "room.exr"))
+    found["shown"] = viewport["area"].spaces.active.shading.type
+    viewport["area"].spaces.active.shading.type = "SOLID"  # clicks mean the same, and software draws it fast
     viewport["area"].spaces.active.show_region_ui = True
-    viewport["region"].tag_redraw()
     yield DRAWN
     yield from calibrate_on_the_image(settings)
     yield from calibrate_in_the_viewport(settings)
@@ -156,24 +156,32 @@ def render(scene):
     found["rendering"] = bpy.app.is_job_running("RENDER")
     while bpy.app.is_job_running("RENDER"):
         yield DRAWN
-    bpy.data.images["Render Result"].save_render(str(folder / "rendered.png"))
+    shown("finished")
     found["renderers after"] = renderers()
     window.press("Escape")  # back from the render result to what the editor was
     yield DRAWN
     settings.samples = 1_000_000
+    # Another size, so that what is shown is not the picture above.
+    scene.render.resolution_x = 40
     window.press("F12")
-    while not renderers():
-        yield DRAWN
-    yield 10 * DRAWN
+    while not shown("progressing"):
+        yield 5 * DRAWN
     found["renderers"] = len(renderers())
     window.press("Escape")
     yield DRAWN
-    for _ in range(60):
-        if not bpy.app.is_job_running("RENDER"):
-            break
+    while bpy.app.is_job_running("RENDER"):
         yield DRAWN
-    found["stopped"] = not bpy.app.is_job_running("RENDER")
+    shown("stopped")
     found["renderers after Escape"] = renderers()
+
+
+def shown(name):
+    """Save what the render window shows; returns whether there is something."""
+    try:
+        bpy.data.images["Render Result"].save_render(str(folder / f"{name}.png"))
+    except RuntimeError:
+        return False
+    return True
 
 
 def renderers():
