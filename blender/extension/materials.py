@@ -26,6 +26,7 @@ LOST_INPUTS = {
     "Subsurface Weight": "subsurface scattering",
     "Sheen Weight": "sheen",
     "Anisotropic": "anisotropy",
+    "Diffuse Roughness": "the roughness of its diffuse part",
     "Thin Film Thickness": "thin film",
     "Coat Normal": "the coat's normal map",
 }

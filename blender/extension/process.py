@@ -69,6 +69,18 @@ def run(command: str, arguments: list[str]) -> str:
     return done.stdout
 
 
+def doctor(command: str) -> list[str]:
+    """What ``lightdepth doctor`` says, line by line.
+
+    Raises:
+        RendererError: as :func:`run`, and where another program than the renderer answers.
+    """
+    said = run(command, ["doctor"])
+    if COMMAND not in said:
+        raise RendererError(_not_understood(command, said))
+    return said.splitlines()
+
+
 def run_json(command: str, arguments: list[str], take: Callable[[dict[str, Any]], Taken]) -> Taken:
     """As :func:`run`, for commands that print one JSON object; what they found may be a reason for them to fail.
 

@@ -81,6 +81,10 @@ def test_a_renderer_that_fails_is_told_in_its_own_words(animated):
         assert "preferences" in found[name]
     assert "garbage.txt" in found["no program"]
     assert "region" in found["region"]
+    assert "Stereoscopy" in found["stereoscopy"]
+    for said in found["stranger"]:
+        assert "I am a calculator" in said
+    assert any("trial" in line for line in found["doctor"])
 
 
 def _renderers(blender_process: int) -> list[int]:

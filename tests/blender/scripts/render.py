@@ -63,6 +63,10 @@ for name, text in PROGRAMS.items():
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
     preferences.command = str(program)
     found[name] = refused(bpy.ops.render.render)
+(folder / "stranger").write_text("#!/bin/sh\necho 'Hello, I am a calculator'\n")
+(folder / "stranger").chmod(0o755)
+preferences.command = str(folder / "stranger")
+found["stranger"] = [refused(bpy.ops.lightdepth.test_renderer), refused(bpy.ops.lightdepth.check)]
 preferences.command = str(folder / "not there")
 found["missing"] = refused(bpy.ops.render.render)
 found["missing for the test"] = refused(bpy.ops.lightdepth.test_renderer)
@@ -72,4 +76,9 @@ found["no program"] = refused(bpy.ops.render.render)
 preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
 scene.render.use_border = True
 found["region"] = refused(bpy.ops.render.render)
+scene.render.use_border, scene.render.use_multiview = False, True
+found["stereoscopy"] = refused(bpy.ops.render.render)
+scene.render.use_multiview = False
+bpy.ops.lightdepth.test_renderer()
+found["doctor"] = [line.text for line in preferences.answer]
 answer(**found)
