@@ -85,10 +85,15 @@ def editor(kind):
     return {"window": window, "area": area, "region": region}
 
 
-def click(where, x, y, button=1):
-    """Press and release a mouse button at a place of an editor's drawing region, in pixels from its lower left corner."""
+def move(where, x, y, *then):
+    """Move the mouse to a place of an editor's drawing region, in pixels from its lower left corner."""
     window, region = where["window"], where["region"]
-    _xdotool("mousemove", round(region.x + x), window.height - 1 - round(region.y + y), "click", button)
+    _xdotool("mousemove", round(region.x + x), window.height - 1 - round(region.y + y), *then)
+
+
+def click(where, x, y):
+    """Press and release the left mouse button there."""
+    move(where, x, y, "click", 1)
 
 
 def press(*keys):

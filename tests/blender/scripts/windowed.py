@@ -124,6 +124,7 @@ def model(scene):
         for corner in corners:
             window.click(where, *place(*corner))
             yield DRAWN
+    bpy.context.view_layer.update()
     found["bounds"] = {
         name: [
             list(map(function, *((item.matrix_world @ vertex.co)[:] for vertex in item.data.vertices)))
@@ -164,8 +165,8 @@ def render(scene):
     # Another size, so that what is shown is not the picture above.
     scene.render.resolution_x = 40
     window.press("F12")
-    while not shown("progressing"):
-        yield 5 * DRAWN
+    while not (renderers() and shown("progressing") == 40):
+        yield 1.0
     found["renderers"] = len(renderers())
     window.press("Escape")
     yield DRAWN
@@ -176,12 +177,13 @@ def render(scene):
 
 
 def shown(name):
-    """Save what the render window shows; returns whether there is something."""
+    """Save what the render window shows; returns its width in pixels, 0 where there is nothing yet."""
+    path = folder / f"{name}.png"
     try:
-        bpy.data.images["Render Result"].save_render(str(folder / f"{name}.png"))
+        bpy.data.images["Render Result"].save_render(str(path))
     except RuntimeError:
-        return False
-    return True
+        return 0
+    return int.from_bytes(path.read_bytes()[16:20], "big")
 
 
 def renderers():
