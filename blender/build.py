@@ -39,7 +39,7 @@ def build(folder: Path) -> Path:
         sys.exit(f"blender_manifest.toml has version {manifest['version']}, pyproject.toml {project['version']}")
     folder.mkdir(parents=True, exist_ok=True)
     archive = folder / f"{manifest['id']}-blender-{manifest['version']}.zip"
-    files = [*SOURCE.glob("*.py"), SOURCE / "blender_manifest.toml", HERE.parent / "LICENSE"]
+    files = [*SOURCE.glob("*.py"), SOURCE / "blender_manifest.toml", SOURCE / "LICENSE"]
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as output:
         for file in sorted(files, key=lambda file: file.name):
             entry = zipfile.ZipInfo(file.name, TIMESTAMP)

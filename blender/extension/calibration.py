@@ -56,8 +56,7 @@ class ClickCorners(picking.Clicks, bpy.types.Operator):
         if under is None:
             return None
         if self._editor == "IMAGE_EDITOR":
-            u, upward = under[1].view2d.region_to_view(*under[2])
-            return (u, 1.0 - upward) if 0.0 <= u <= 1.0 and 0.0 <= upward <= 1.0 else None
+            return picking.on_image(*under[1:])
         return picking.panorama_coordinates(picking.seen_from_capture(context, *picking.ray(*under)))
 
     def draw_points(self, points, cursor):
@@ -98,26 +97,28 @@ class Calibrate(bpy.types.Operator):
         settings = context.scene.lightdepth
         try:
             with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
-                solved = run_json(renderer_command(), arguments(settings, Path(folder)))
-            position, rotation = Vector(solved["position"]), [math.radians(angle) for angle in solved["rotation"]]
-            residual = float(solved["residual"])
+                pose = run_json(renderer_command(), arguments(settings, Path(folder)), _pose)
         except (RendererError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        except (KeyError, TypeError, ValueError) as error:
-            self.report({"ERROR"}, f"The renderer's answer lacks the pose ({error}); is it of the extension's version?")
-            return {"CANCELLED"}
+        position, rotation, residual, warnings = pose
         settings.capture.rotation_mode = "XYZ"
         settings.capture.location = position
-        settings.capture.rotation_euler = Euler(rotation, "XYZ")
+        settings.capture.rotation_euler = rotation
         settings.residual = residual
-        warnings = [str(text) for text in solved.get("warnings", [])]
         show_lines(settings.calibration_notes, warnings)
         show_grid(context)
         for warning in warnings:
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, f"Pose solved, residual {residual:.2f} degrees")
         return {"FINISHED"}
+
+
+def _pose(solved: dict) -> tuple[Vector, Euler, float, list[str]]:
+    """Position, rotation, residual in degrees, and warnings of the command's answer."""
+    rotation = Euler([math.radians(angle) for angle in solved["rotation"]], "XYZ")
+    warnings = [str(text) for text in solved.get("warnings", [])]
+    return Vector(solved["position"]), rotation, float(solved["residual"]), warnings
 
 
 def arguments(settings, folder: Path) -> list[str]:

@@ -45,16 +45,9 @@ class Check(bpy.types.Operator):
             with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
                 path = Path(folder) / "scene.toml"
                 cells = with_render_depsgraph(context, look)
-                found = run_json(renderer_command(), ["check", str(path), "--json"])
-            problems = [f"{problem['severity']}: {problem['message']}" for problem in found["problems"]]
-            coverage = float(found["coverage"]["share"]) if found["coverage"] else -1.0
+                coverage, problems = run_json(renderer_command(), ["check", str(path), "--json"], _findings)
         except (RendererError, ExportError, EvaluationError, OSError) as error:
             self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except (KeyError, TypeError, ValueError) as error:
-            self.report(
-                {"ERROR"}, f"The renderer's answer lacks a finding ({error}); is it of the extension's version?"
-            )
             return {"CANCELLED"}
         settings.coverage = coverage
         show_lines(settings.check_notes, problems)
@@ -62,6 +55,12 @@ class Check(bpy.types.Operator):
         for problem in problems:
             self.report({"WARNING"}, problem)
         return {"FINISHED"}
+
+
+def _findings(found: dict) -> tuple[float, list[str]]:
+    """The share of directions that meet something, -1 where there is none, and what else the command says."""
+    problems = [f"{problem['severity']}: {problem['message']}" for problem in found["problems"]]
+    return float(found["coverage"]["share"]) if found["coverage"] else -1.0, problems
 
 
 def hole_cells(depsgraph, settings) -> list[tuple[int, int]]:

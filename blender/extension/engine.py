@@ -47,6 +47,8 @@ class LightdepthEngine(bpy.types.RenderEngine):
         scene = depsgraph.scene_eval
         if scene.render.use_border:
             raise ExportError("The render region is not carried: switch it off, the whole picture is rendered")
+        if scene.render.use_multiview:
+            raise ExportError("Stereoscopy is not carried: switch it off in the output properties")
         command = renderer_command()
         self.update_stats("", "Exporting the scene")
         exported: Exported | None = evaluation.on_main_thread(

@@ -78,6 +78,7 @@ class _Writer:
 
     def add(self, item, to_world: Matrix, by_instancing: bool) -> None:
         """Add what an evaluated object, or an instance of one, is to the renderer."""
+        self._note_light_linking(item)
         if item.type == "LIGHT":
             tables, said = lights.emitters(self.unique(item.name), item.data, to_world)
             self.synthetic += tables
@@ -90,6 +91,11 @@ class _Writer:
                 self._add_synthetic(item, to_world)
         elif item.type not in WITHOUT_LOOK | WITH_SURFACE and not by_instancing:
             self.note(f"Object '{item.name}': {item.type.replace('_', ' ').lower()} objects are not carried")
+
+    def _note_light_linking(self, item) -> None:
+        linking = getattr(item, "light_linking", None)
+        if linking is not None and (linking.receiver_collection or linking.blocker_collection):
+            self.note(f"Object '{item.name}': its light and shadow linking are not carried")
 
     def _note_settings(self, item) -> None:
         if any(

@@ -15,6 +15,7 @@ SUN_DISTANCE = 2000.0
 """Distance from the world's origin, in metres, of the disk that stands for a sun."""
 SPOT_SHARE = 0.25
 """Radius of a spot's shining disk, as a share of the lamp's; a smaller one gives its cone a sharper edge."""
+SHARES = ("diffuse_factor", "specular_factor", "transmission_factor", "volume_factor")
 
 
 def emitters(name: str, light, to_world: Matrix) -> tuple[list[dict[str, Any]], list[str]]:
@@ -35,6 +36,10 @@ def emitters(name: str, light, to_world: Matrix) -> tuple[list[dict[str, Any]], 
         and any(node.type not in {"OUTPUT_LIGHT", "EMISSION"} for node in light.node_tree.nodes)
     ):
         notes.append(f"Light '{name}': its shader nodes are not carried; it shines evenly in its colour")
+    if not light.use_shadow:
+        notes.append(f"Light '{name}': it casts shadows, though they are switched off")
+    if any(getattr(light, factor, 1.0) != 1.0 for factor in SHARES):
+        notes.append(f"Light '{name}': its shares for diffuse, specular, transmission and volume are not carried")
     colour = _colour(light)
     if max(colour) <= 0.0:
         return [], notes

@@ -26,10 +26,12 @@ LOST_INPUTS = {
     "Subsurface Weight": "subsurface scattering",
     "Sheen Weight": "sheen",
     "Anisotropic": "anisotropy",
+    "Diffuse Roughness": "the roughness of its diffuse part",
     "Thin Film Thickness": "thin film",
     "Coat Normal": "the coat's normal map",
 }
 """Inputs of the Principled BSDF that the renderer's materials do not have, with what they are."""
+KINDS_OF_IMAGES = {"SEQUENCE": "sequence", "MOVIE": "movie", "TILED": "set of tiles"}
 SINGLE_SHADERS = {"BSDF_GLASS", "BSDF_REFRACTION", "BSDF_DIFFUSE", "BSDF_GLOSSY"}
 """Shaders that become a Principled BSDF before export, as the glTF exporter knows only that."""
 
@@ -52,8 +54,14 @@ def notes(material) -> list[str]:
     for node in _upstream(shader):
         if node.type not in CARRIED and not (node == shader and node.type in SINGLE_SHADERS):
             said.append(f"Material '{material.name}': node '{node.name}' ({node.bl_label}) is not carried")
-        if node.type == "TEX_IMAGE" and node.image is None:
-            said.append(f"Material '{material.name}': node '{node.name}' has no image")
+        if node.type == "TEX_IMAGE":
+            if node.image is None:
+                said.append(f"Material '{material.name}': node '{node.name}' has no image")
+            elif node.image.source in KINDS_OF_IMAGES:
+                said.append(
+                    f"Material '{material.name}': image '{node.image.name}' of node '{node.name}' is a "
+                    f"{KINDS_OF_IMAGES[node.image.source]}, of which one picture is carried at most"
+                )
     if shader.type == "BSDF_PRINCIPLED":
         for name, meaning in LOST_INPUTS.items():
             socket = shader.inputs.get(name)
@@ -84,6 +92,7 @@ def for_export(material, depsgraph) -> bpy.types.Material:
     copy = material.copy()
     if copy.node_tree is not None:
         evaluated = material.evaluated_get(depsgraph)
+        copy.node_tree.animation_data_clear()  # the exporter's scene is at frame 1 and would set its values
         for node in copy.node_tree.nodes:
             _copy_values(evaluated.node_tree.nodes[node.name], node)
         shader = surface_shader(copy)

@@ -68,6 +68,12 @@ def panorama_direction(u: float, v: float) -> Vector:
     return Vector((math.sin(theta) * math.sin(phi), math.sin(theta) * math.cos(phi), math.cos(theta)))
 
 
+def on_image(region, position) -> tuple[float, float] | None:
+    """The place ``(u, v)`` of an image editor's panorama at a place of its region, or ``None`` beside the picture."""
+    u, upward = region.view2d.region_to_view(*position)
+    return (u, 1.0 - upward) if 0.0 <= u <= 1.0 and 0.0 <= upward <= 1.0 else None
+
+
 def capture_pose(settings) -> Matrix:
     """Light space to world, without scale."""
     matrix = settings.capture.matrix_world

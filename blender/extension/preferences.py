@@ -2,7 +2,7 @@
 
 import bpy
 
-from .process import RendererError, find_command, run
+from .process import RendererError, doctor, find_command
 from .properties import Line, show_lines
 
 
@@ -39,12 +39,12 @@ class TestRenderer(bpy.types.Operator):
         """Run the command and show what it prints."""
         preferences = context.preferences.addons[__package__].preferences
         try:
-            said = run(renderer_command(), ["doctor"])
+            said = doctor(renderer_command())
         except RendererError as error:
             show_lines(preferences.answer, str(error).splitlines())
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
-        show_lines(preferences.answer, said.splitlines())
+        show_lines(preferences.answer, said)
         self.report({"INFO"}, "The renderer answers")
         return {"FINISHED"}
 

@@ -10,10 +10,12 @@ import signal
 import subprocess
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any, TypeVar
 
 COMMAND = "lightdepth"
+Taken = TypeVar("Taken")
 INTERRUPTED = 130
 """Exit status of a renderer that was interrupted and wrote what it had."""
 
@@ -67,11 +69,31 @@ def run(command: str, arguments: list[str]) -> str:
     return done.stdout
 
 
-def run_json(command: str, arguments: list[str]) -> dict:
-    """As :func:`run`, for commands that print one JSON object; what they found may be a reason for them to fail.
+def doctor(command: str) -> list[str]:
+    """What ``lightdepth doctor`` says, line by line.
 
     Raises:
-        RendererError: also when what it printed is not a JSON object.
+        RendererError: as :func:`run`, and where another program than the renderer answers.
+    """
+    said = run(command, ["doctor"])
+    if COMMAND not in said:
+        raise RendererError(_not_understood(command, said))
+    return said.splitlines()
+
+
+def run_json(command: str, arguments: list[str], take: Callable[[dict[str, Any]], Taken]) -> Taken:
+    """As :func:`run`, for commands that print one JSON object; what they found may be a reason for them to fail.
+
+    Args:
+        command: the path of the renderer's command.
+        arguments: its arguments, beginning with the subcommand.
+        take: takes what is needed out of the object.
+
+    Returns:
+        What ``take`` returns.
+
+    Raises:
+        RendererError: also when what it printed is not a JSON object, or ``take`` misses something in it.
     """
     done = _completed(command, arguments)
     try:
@@ -79,7 +101,12 @@ def run_json(command: str, arguments: list[str]) -> dict:
     except ValueError:
         answer = None
     if isinstance(answer, dict):
-        return answer
+        try:
+            return take(answer)
+        except (KeyError, TypeError, ValueError) as error:
+            raise RendererError(
+                f"The answer of '{command}' lacks something ({error}); is it of the extension's version?"
+            ) from error
     if done.returncode != 0:
         raise RendererError(_words(command, done.stderr or done.stdout, done.returncode))
     raise RendererError(_not_understood(command, done.stdout))

@@ -1,11 +1,13 @@
 """Real Blender for the tests: interpreters that have the package ``bpy``, each with the extension installed."""
 
+import importlib.util
 import json
 import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -38,11 +40,11 @@ class Blender:
     def command(self, script: str, *arguments: object) -> list[str]:
         return [str(self.python), str(SCRIPTS / f"{script}.py"), *map(str, arguments)]
 
-    def run(self, script: str, *arguments: object) -> dict:
-        """Run a script in this Blender; returns what it answered."""
+    def run(self, script: str, *arguments: object, **environment: str) -> dict:
+        """Run a script in this Blender; returns what it answered, and under "said" what was printed (its reports)."""
         done = subprocess.run(
             self.command(script, *arguments),
-            env=self.environment,
+            env=self.environment | environment,
             capture_output=True,
             text=True,
             timeout=600,
@@ -52,7 +54,7 @@ class Blender:
         # bpy 4.2 crashes when Python ends, whatever was registered: it has answered by then.
         assert done.returncode in (0, -signal.SIGSEGV), done.stdout + done.stderr
         assert answers, done.stdout + done.stderr
-        return json.loads(answers[-1].removeprefix(ANSWER))
+        return {"said": done.stdout + done.stderr} | json.loads(answers[-1].removeprefix(ANSWER))
 
 
 @pytest.fixture(scope="session")
@@ -63,6 +65,15 @@ def archive(tmp_path_factory) -> Path:
         [sys.executable, ROOT / "blender/build.py", "--output", folder], capture_output=True, text=True, check=True
     )
     return Path(done.stdout.strip())
+
+
+@pytest.fixture(scope="session")
+def room() -> ModuleType:
+    """The computed room of the examples, whose pose is known."""
+    specification = importlib.util.spec_from_file_location("calibration_room", ROOT / "examples/calibration/room.py")
+    module = importlib.util.module_from_spec(specification)
+    specification.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope="session")

@@ -76,6 +76,8 @@ def test_materials_arrive_and_what_cannot_is_named(exported):
     notes = found["notes"]
     assert any("'Wood'" in note and "Noise Texture" in note for note in notes)
     assert any("Flat camera" in note for note in notes)
+    assert any("'Panel'" in note and "shadows" in note for note in notes)
+    assert any("'Panel'" in note and "specular" in note for note in notes)
     assert not any("Plastic" in note or "Textured" in note or "Glass" in note for note in notes)
 
 

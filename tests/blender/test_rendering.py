@@ -24,30 +24,52 @@ PASSES = {
 }
 
 
-def test_f12_gives_the_pixels_of_the_command_line(blender, renderer, tmp_path):
-    found = blender.run("render", tmp_path)
+@pytest.fixture(scope="module")
+def animated(blender, tmp_path_factory):
+    """What the script answered, its folder, and the channels of both frames of Ctrl-F12."""
+    folder = tmp_path_factory.mktemp("render")
+    found = blender.run("render", folder)
     assert len(found["frames"]) == 2
     frames = []
     for name in found["frames"]:
         channels = {}
-        for part in read_exr(tmp_path / name):
+        for part in read_exr(folder / name):
             channels |= {channel.removeprefix("ViewLayer."): pixels for channel, pixels in part.channels.items()}
         frames.append(channels)
-    output = tmp_path / "command-line.exr"
+    return found, folder, frames
+
+
+@pytest.mark.parametrize("frame", [1, 2])
+def test_frames_have_the_pixels_of_the_command_line(animated, renderer, tmp_path, frame):
+    _, folder, frames = animated
+    rendered, output = frames[frame - 1], tmp_path / "command-line.exr"
     subprocess.run(
-        [renderer, "render", tmp_path / "scene.toml", "--camera", "Camera", "-o", output, "--progress", "none"],
+        [renderer, "render", folder / f"scene{frame}.toml", "--camera", "Camera", "-o", output, "--progress", "none"],
         check=True,
     )
     for part in read_exr(output):
         names = [name for name, counterpart in PASSES.items() if counterpart == part.name]
         for name in names:
             for channel, pixels in part.channels.items():
-                key = f"{name}.{channel if f'{name}.{channel}' in frames[0] else 'X'}"
-                np.testing.assert_array_equal(frames[0][key], pixels.astype(np.float32), err_msg=key)
-    assert {key.split(".")[0] for key in frames[0]} == set(PASSES)
-    assert not np.array_equal(frames[0]["Combined.R"], frames[1]["Combined.R"])
-    assert not np.array_equal(frames[0]["Coverage.Y"], frames[1]["Coverage.Y"])  # the ball rolls
+                key = f"{name}.{channel if f'{name}.{channel}' in rendered else 'X'}"
+                np.testing.assert_array_equal(rendered[key], pixels.astype(np.float32), err_msg=key)
+    assert {key.split(".")[0] for key in rendered} == set(PASSES)
 
+
+def test_motion_and_materials_are_animated(animated):
+    _, _, (first, second) = animated
+    assert not np.array_equal(first["Coverage.Y"], second["Coverage.Y"])  # the ball rolls
+    for frame, expected in ((first, (0.8, 0.2, 0.1)), (second, (0.1, 0.2, 0.8))):
+        albedo = np.stack([frame[f"Albedo.{channel}"] for channel in "RGB"], axis=-1)
+        ball = albedo[(frame["Coverage.Y"] == 1.0) & (albedo.max(axis=-1) > 0.5)]
+        assert len(ball) > 20
+        assert np.median(ball, axis=0) == pytest.approx(expected, abs=0.02)
+    brightest = [np.sort(frame["Synthetic.G"], axis=None)[-5] for frame in (first, second)]
+    assert brightest[1] / brightest[0] == pytest.approx(3.0, rel=0.1)
+
+
+def test_a_renderer_that_fails_is_told_in_its_own_words(animated):
+    found = animated[0]
     assert found["coverage"] == pytest.approx(1.0)
     assert "the lamp is broken" in found["crashing"]
     assert "SIGKILL" in found["killed"]
@@ -59,6 +81,10 @@ def test_f12_gives_the_pixels_of_the_command_line(blender, renderer, tmp_path):
         assert "preferences" in found[name]
     assert "garbage.txt" in found["no program"]
     assert "region" in found["region"]
+    assert "Stereoscopy" in found["stereoscopy"]
+    for said in found["stranger"]:
+        assert "I am a calculator" in said
+    assert any("trial" in line for line in found["doctor"])
 
 
 def _renderers(blender_process: int) -> list[int]:

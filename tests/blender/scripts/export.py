@@ -89,7 +89,7 @@ bpy.context.object.name = "Words"
 hidden = bpy.data.objects.new("Hidden", ball.data)
 hidden.hide_render = True
 scene.collection.objects.link(hidden)
-add_lamp(scene, "AREA", "Panel", energy=20.0)
+add_lamp(scene, "AREA", "Panel", energy=20.0, use_shadow=False, specular_factor=0.5)
 camera = add_camera(scene, (64, 48))
 camera.data.dof.use_dof, camera.data.dof.focus_distance = True, 2.0
 camera.data.dof.aperture_fstop, camera.data.lens = 2.0, 40.0

@@ -1,4 +1,4 @@
-"""Render two frames with Ctrl-F12, export the first; then renderers that are missing, crash or talk nonsense."""
+"""Render two frames with Ctrl-F12, export both; then renderers that are missing, crash or talk nonsense."""
 
 import os
 import stat
@@ -16,14 +16,35 @@ ball = bpy.context.object
 ball.keyframe_insert("location", frame=1)
 ball.location.x = 0.5
 ball.keyframe_insert("location", frame=2)
+
+
+def principled(item):
+    """The item's new material's Principled BSDF."""
+    made = bpy.data.materials.new(item.name)
+    made.use_nodes = True
+    item.data.materials.append(made)
+    return made.node_tree.nodes["Principled BSDF"]
+
+
+colour = principled(ball).inputs["Base Color"]
+bpy.ops.mesh.primitive_plane_add(size=0.4, location=(-0.6, 1.6, 0.9), rotation=(1.5708, 0.0, 0.0))
+shader = principled(bpy.context.object)
+shader.inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+shader.inputs["Emission Color"].default_value = (1.0, 1.0, 1.0, 1.0)
+glow = shader.inputs["Emission Strength"]
+for frame, red, blue, strength in ((1, 0.8, 0.1, 2.0), (2, 0.1, 0.8, 6.0)):
+    colour.default_value, glow.default_value = (red, 0.2, blue, 1.0), strength
+    for socket in (colour, glow):
+        socket.keyframe_insert("default_value", frame=frame)
 add_camera(scene, (48, 32))
 scene.render.engine = "LIGHTDEPTH"
 scene.lightdepth.samples, scene.lightdepth.max_bounces = 2, 3
 scene.frame_start, scene.frame_end = 1, 2
 as_exr(scene, folder / "frame", multilayer=True)
 bpy.ops.render.render(animation=True)
-scene.frame_set(1)
-bpy.ops.lightdepth.export_scene(filepath=str(folder / "scene.toml"))
+for frame in (1, 2):
+    scene.frame_set(frame)
+    bpy.ops.lightdepth.export_scene(filepath=str(folder / f"scene{frame}.toml"))
 found = {"frames": sorted(path.name for path in folder.glob("frame*.exr"))}
 bpy.ops.lightdepth.check()
 found["coverage"] = scene.lightdepth.coverage
@@ -42,6 +63,10 @@ for name, text in PROGRAMS.items():
     program.chmod(program.stat().st_mode | stat.S_IXUSR)
     preferences.command = str(program)
     found[name] = refused(bpy.ops.render.render)
+(folder / "stranger").write_text("#!/bin/sh\necho 'Hello, I am a calculator'\n")
+(folder / "stranger").chmod(0o755)
+preferences.command = str(folder / "stranger")
+found["stranger"] = [refused(bpy.ops.lightdepth.test_renderer), refused(bpy.ops.lightdepth.check)]
 preferences.command = str(folder / "not there")
 found["missing"] = refused(bpy.ops.render.render)
 found["missing for the test"] = refused(bpy.ops.lightdepth.test_renderer)
@@ -51,4 +76,9 @@ found["no program"] = refused(bpy.ops.render.render)
 preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
 scene.render.use_border = True
 found["region"] = refused(bpy.ops.render.render)
+scene.render.use_border, scene.render.use_multiview = False, True
+found["stereoscopy"] = refused(bpy.ops.render.render)
+scene.render.use_multiview = False
+bpy.ops.lightdepth.test_renderer()
+found["doctor"] = [line.text for line in preferences.answer]
 answer(**found)

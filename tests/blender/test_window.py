@@ -1,0 +1,87 @@
+"""A person's way through the extension: a real window, a real mouse and keyboard, on a display in memory."""
+
+import json
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from lightdepth.directions import euler_rotation
+from lightdepth.images.radiance import write_radiance
+
+WIDTH = 512
+PROGRAMS = {"Xvfb": "xvfb", "xdotool": "xdotool", "nm": "binutils"}
+"""Programs that are needed, and Debian's packages that have them."""
+
+
+@pytest.fixture(scope="module")
+def display():
+    """A display of moderate size, as everything on it is drawn without a graphics card."""
+    missing = [package for program, package in PROGRAMS.items() if shutil.which(program) is None]
+    if missing:
+        pytest.skip(f"Debian's packages {', '.join(missing)} are not installed")
+    command = ["Xvfb", "-displayfd", "1", "-screen", "0", "1100x700x24", "-nolisten", "tcp"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
+        try:
+            yield f":{server.stdout.readline().strip()}"
+        finally:
+            server.terminate()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("window")
+
+
+@pytest.fixture(scope="module")
+def found(blender, room, display, folder):
+    write_radiance(folder / "room.exr", room.radiance(WIDTH))
+    corners = room.pixels(room.RUG, WIDTH) / (WIDTH, WIDTH / 2)
+    (folder / "truth.json").write_text(json.dumps({"corners": corners.tolist(), "width": 2.0}))
+    return blender.run("windowed", folder, DISPLAY=display, LIBGL_ALWAYS_SOFTWARE="1")
+
+
+@pytest.mark.parametrize(("editor", "degrees", "metres"), [("image editor", 1.5, 0.05), ("viewport", 0.5, 0.02)])
+def test_clicks_at_whole_pixels_give_the_pose(found, room, editor, degrees, metres):
+    solved = found[editor]
+    truth = room.pixels(room.RUG, WIDTH) / (WIDTH, WIDTH / 2)
+    if editor == "image editor":  # the whole panorama in the window, a pixel of which is coarse
+        np.testing.assert_allclose(solved["corners"], truth, atol=found["pixel"] * 2.0)
+    else:
+        np.testing.assert_allclose(solved["corners"], truth, atol=0.0005)
+    pose = np.array(solved["matrix"])
+    off = euler_rotation(room.ROTATION).T @ pose[:3, :3]
+    assert np.degrees(np.arccos(np.clip((np.trace(off) - 1.0) / 2.0, -1.0, 1.0))) < degrees
+    np.testing.assert_allclose(pose[:3, 3], room.POSITION, atol=metres)
+    assert 0.0 <= solved["residual"] < 0.3
+
+
+def test_what_is_clicked_on_the_floor_is_modelled(found):
+    expected = {
+        "Floor": [[-1.0, -2.0, 0.0], [3.0, 4.0, 0.0]],
+        "Walls": [[-1.0, -2.0, 0.0], [3.0, 4.0, 2.5]],
+        "Box": [[0.0, 2.0, 0.0], [1.0, 2.5, 0.75]],
+    }
+    for name, bounds in expected.items():
+        np.testing.assert_allclose(found["bounds"][name], bounds, atol=0.03, err_msg=name)
+    place = {"Floor", "Floor grid", "Walls"}
+    assert list(map(set, found["undone"])) == [place, {"Floor grid"}, place, place | {"Box"}]
+    assert found["shown"] == "MATERIAL"
+    assert found["roles shown"] == ["SOLID", "OBJECT"]
+
+
+def test_f12_shows_its_progress_and_escape_keeps_what_there_is(found, folder):
+    assert found["rendering"]
+    assert found["renderers after"] == []
+    assert found["renderers"] == 1
+    assert found["renderers after Escape"] == []
+    for name, width in (("finished", 48), ("progressing", 40), ("stopped", 40)):
+        pixels = np.asarray(Image.open(folder / f"{name}.png"))
+        assert pixels.shape[:2] == (32, width)
+        assert pixels[..., :3].std() > 5.0
+
+
+def test_no_panel_fails_to_draw(found):
+    assert "Traceback" not in found["said"]
