@@ -22,6 +22,9 @@ from bench.places.place import mitsuba_objects
 from bench.run import RESULTS
 from bench.truth import Estimate, cached, content_hash, path_trace
 from lightdepth.cameras import Equirectangular
+from lightdepth.checks import Severity
+from lightdepth.checks.support import support_problems
+from lightdepth.checks.view import look_around
 from lightdepth.errors import InputError
 from lightdepth.images.png import write_png
 from lightdepth.kernel.start import start
@@ -95,12 +98,14 @@ def compare(
     empty = traced(empty_scene, "the empty place", samples, 3)
     full = traced(full_scene, "the place with the objects", samples, 1)
     full = replace(full, variance=full.variance + empty.variance)
-    scene = Scene(
-        panorama=Panorama(photograph.mean.astype(np.float32), position, np.eye(3), sky=True),
-        real=tuple(_real_surfaces(empty_scene, turn)),
-        synthetic=objects,
-        cameras={"panorama": view},
-        render=RenderSettings(max_bounces=MAX_BOUNCES),
+    scene = _without_hidden_support(
+        Scene(
+            panorama=Panorama(photograph.mean.astype(np.float32), position, np.eye(3), sky=True),
+            real=tuple(_real_surfaces(empty_scene, turn)),
+            synthetic=objects,
+            cameras={"panorama": view},
+            render=RenderSettings(max_bounces=MAX_BOUNCES),
+        )
     )
     regions = find_regions(full, empty.mean)
     pictures = [full.mean]
@@ -185,6 +190,17 @@ def _real_surfaces(scene: Any, turn: NDArray[np.float64]) -> Iterator[RealSurfac
             continue
         role = Role.ENVIRONMENT if shape.is_emitter() else Role.SUPPORT
         yield RealSurface(f"{index} {shape.id()}", Mesh((vertices @ turn.T).astype(np.float32), faces), role)
+
+
+def _without_hidden_support(scene: Scene) -> Scene:
+    """The scene with support that the capture point hardly sees declared environment, as the checks ask for."""
+    view = look_around(scene)
+
+    def declared(surface: RealSurface) -> RealSurface:
+        too_hidden = any(problem.severity is Severity.ERROR for problem in support_problems(surface, view))
+        return replace(surface, role=Role.ENVIRONMENT) if too_hidden else surface
+
+    return replace(scene, real=tuple(map(declared, scene.real)))
 
 
 def _triangles(shape: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
