@@ -95,9 +95,11 @@ def _widths(quick: bool) -> tuple[list[str], list[list[str]]]:
     floor_scene()  # The photograph is path-traced and cached before.
     rows = []
     for width in (1024, 2048) if quick else (1024, 2048, 4096, 8192, 16384):
+        repeats = 1 if width > 4096 else 3
         code = (
             "import json; from statistics import median; from bench.cost import *; from bench.cost import _timed;"
-            f"seconds, frame = _timed(panorama_scene(floor_only(lamp_and_window('mixed')), {width}), 'panorama', 1, 2);"
+            f"scene = panorama_scene(floor_only(lamp_and_window('mixed')), {width});"
+            f"seconds, frame = _timed(scene, 'panorama', 1, {repeats});"
             "print(json.dumps([median(seconds), int((frame.samples > 0).sum()), frame.samples.size]))"
         )
         try:

@@ -33,12 +33,12 @@ def _converged(
         rows_signed.append(
             [place, *(f"{100 * measures[region]['signed']:+.2f} %" for region in ("influenced", "objects", "changed"))]
         )
-        for region in ("objects", "changed"):
-            own_error = measures[region]["rmse"]
+        for region in ("objects", "changed", "influenced"):
+            own_error = measures[region]["block_rmse"]
             row = [place, region, f"{100 * own_error:.2f} %"]
             for method in list(labels)[1:]:
-                fitted = convergence(select(found, method=method), region)
-                row.append("" if fitted is None else _against(fitted.bias, own_error))
+                theirs = max(select(found, method=method), key=lambda record: record["samples"], default=None)
+                row.append("" if theirs is None else _against(theirs["measures"][region]["block_rmse"], own_error))
             rows.append(row)
     yield (
         f"Mean signed error of `difference` at {samples} samples, exact model",
@@ -46,8 +46,8 @@ def _converged(
         rows_signed,
     )
     yield (
-        f"Error at convergence: RMSE of `difference` at {samples} samples, its last noise included, and the fitted "
-        "bias of the others (in brackets, how many times ours)",
+        f"Error at convergence, exact model: RMSE of the means of 8 by 8 pixels, of `difference` at {samples} samples and "
+        "of the others at their largest budget, the noise that is left included (in brackets, how many times ours)",
         ["place", "region", *labels.values()],
         rows,
     )
