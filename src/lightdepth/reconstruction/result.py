@@ -104,13 +104,13 @@ def save(reconstruction: Reconstruction, place: Place, folder: Path, scene: Path
     for path in (scene, picture):
         if path is not None:
             check_writable(path)
-    text = None if scene is None else with_surfaces(scene, place, reconstruction.surfaces, folder)
+    content = None if scene is None else with_surfaces(scene, place, reconstruction.surfaces, folder)
     drawn = None if picture is None else draw_check_picture(place.radiance, reconstruction.surfaces, place.pose)
     write_meshes(reconstruction.surfaces, folder)
     if picture is not None and drawn is not None:
         write_png(picture, drawn)
-    if scene is not None and text is not None:
-        write_scene(scene, text)
+    if scene is not None and content is not None:
+        write_scene(scene, content)
 
 
 def _area(surface: RealSurface) -> float:
