@@ -68,12 +68,15 @@ def test_known_response_is_recovered_better_than_by_opencv(bracket):
     assert own < reference
 
 
-def test_real_camera(shared_data):
+@pytest.mark.parametrize(
+    "reduced", [cv2.IMREAD_REDUCED_COLOR_8, pytest.param(cv2.IMREAD_REDUCED_COLOR_2, marks=pytest.mark.truth)]
+)
+def test_real_camera(shared_data, reduced):
     """The file that comes with the bracket holds a polynomial of degree 4, good to 6 per cent or so."""
     folder = shared_data / "brackets/fisheye_office"
     files = sorted(folder.glob("*.JPG"))[5:13]
     amounts = [exposure.amount for exposure in read_exposures(files)]
-    photographs = [np.ascontiguousarray(cv2.imread(str(file), cv2.IMREAD_REDUCED_COLOR_8)[..., ::-1]) for file in files]
+    photographs = [np.ascontiguousarray(cv2.imread(str(file), reduced)[..., ::-1]) for file in files]
     published = np.array(
         [
             np.polyval([float(number) for number in line.split()[1:]], CODES)

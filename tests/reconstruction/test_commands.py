@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from lightdepth.cli.app import main
-from tests.reconstruction.virtual_room import CAPTURE, ROOM, distance_to_surface, scanned
+from tests.reconstruction.virtual_room import CAPTURE, LAMPS, ROOM, distance_to_surface, scanned
 
 SOURCE = Path(__file__).parents[2] / "src"
 
@@ -108,6 +108,13 @@ def test_from_points(lightdepth, tmp_path, panorama):
     checked = json.loads(printed)
     assert checked["coverage"]["share"] == 1.0
     assert "error" not in {problem["severity"] for problem in checked["problems"]}
+
+    # The lamp on the wall hangs where nothing was measured.
+    status, printed, _ = lightdepth("reconstruct", "lights", tmp_path / "scene.toml", "--json")
+    assert status == 0
+    found = np.array([light["position"] for light in json.loads(printed)["lights"]])
+    for centre, _, _ in LAMPS.values():
+        assert np.linalg.norm(found - centre, axis=1).min() < 0.05
 
 
 @pytest.mark.parametrize(

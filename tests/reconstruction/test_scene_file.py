@@ -60,6 +60,15 @@ def test_tables_are_put_in_and_the_rest_is_kept(scene):
     assert trimesh.load(scene.parent / "meshes/ceiling.ply").area == pytest.approx(36.0)
 
 
+def test_lines_end_as_the_files_own_do(scene):
+    scene.write_bytes(SCENE.replace("\n", "\r\n").encode())
+    place = read_place(scene)
+    save(closed(SURFACES, place, False), place, scene.parent / "meshes", scene, None)
+    content = scene.read_bytes()
+    assert b"ceiling.ply" in content
+    assert content.count(b"\n") == content.count(b"\r\n")
+
+
 def test_a_second_run_changes_nothing(scene):
     place = read_place(scene)
     result = closed(SURFACES, place, False)

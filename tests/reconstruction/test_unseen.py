@@ -42,9 +42,14 @@ def test_a_wall_that_was_not_seen_at_all_is_closed_where_the_others_end():
 
 
 def test_one_does_not_see_through_a_hole_in_furniture():
-    """The hole is in the middle of the cupboard's front, and its rim is the cupboard's."""
+    """The hole is in the middle of the cupboard's front: it is left open, or the front goes on."""
     points, _ = added_to(scanned(np.array([1.8, -0.5, -0.8]), 10.0))
-    assert len(points) == 0
+    assert (distance_to_surface(points) < 0.03).all()
+
+
+def test_a_capture_point_outside_of_what_was_scanned_is_no_reason_to_fail():
+    scan = scanned(np.array([0.0, -1.0, 0.0]), 90.0)
+    assert np.isfinite(added_to(scan[scan[:, 1] > 0.5])[0]).all()
 
 
 def test_what_was_seen_gets_no_points():

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-import tomlkit
-from tomlkit.exceptions import TOMLKitError
-
 from lightdepth.errors import InputError
 from lightdepth.images.writing import whole_file
+from lightdepth.toml_file import document_bytes, read_document
 
 
 def write_pose(scene: Path, rotation: Sequence[float], position: Sequence[float] | None) -> Path:
@@ -26,15 +24,7 @@ def write_pose(scene: Path, rotation: Sequence[float], position: Sequence[float]
     Raises:
         InputError: the file is missing, is not TOML, has no panorama with an image, or cannot be written.
     """
-    if not scene.is_file():
-        raise InputError(f"{scene}: no such file")
-    try:
-        with scene.open(encoding="utf-8", newline="") as file:
-            document = tomlkit.parse(file.read())
-    except (TOMLKitError, UnicodeDecodeError) as error:
-        raise InputError(f"{scene}: not a readable TOML file ({error})") from error
-    except OSError as error:
-        raise InputError(f"{scene}: cannot be read ({error.strerror})") from error
+    document = read_document(scene)
     panorama = document.get("panorama")
     if not isinstance(panorama, dict) or not isinstance(panorama.get("image"), str):
         raise InputError(f"{scene}: has no [panorama] table with an image; write one, then calibrate")
@@ -42,10 +32,7 @@ def write_pose(scene: Path, rotation: Sequence[float], position: Sequence[float]
         panorama["position"] = _numbers(position)
     panorama["rotation"] = _numbers(rotation)
     with whole_file(scene) as temporary:
-        text = tomlkit.dumps(document).rstrip("\r\n") + "\n"
-        if "\r\n" in text:  # New lines end as the file's own do.
-            text = text.replace("\r\n", "\n").replace("\n", "\r\n")
-        temporary.write_bytes(text.encode("utf-8"))
+        temporary.write_bytes(document_bytes(document))
     return scene.parent / panorama["image"]
 
 

@@ -279,7 +279,11 @@ def lights(
         if path is not None:
             check_writable(path)
     if source.suffix.lower() == ".toml":
-        light_depth_map = build_light_depth_map(load_scene(source))
+        with _progress() as progress:
+            task = progress.add_task("Distances", total=1.0)
+            light_depth_map = build_light_depth_map(
+                load_scene(source), lambda share: progress.update(task, completed=share)
+            )
     elif source.suffix.lower() == ".exr":
         light_depth_map = read_light_depth_map(source)
     else:

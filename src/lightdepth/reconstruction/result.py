@@ -104,7 +104,7 @@ def save(reconstruction: Reconstruction, place: Place, folder: Path, scene: Path
     for path in (scene, picture):
         if path is not None:
             check_writable(path)
-    text = (
+    content = (
         None
         if scene is None
         else with_surfaces(scene, place, reconstruction.surfaces, folder, reconstruction.after.sky > 0.0)
@@ -113,8 +113,8 @@ def save(reconstruction: Reconstruction, place: Place, folder: Path, scene: Path
     write_meshes(reconstruction.surfaces, folder)
     if picture is not None and drawn is not None:
         write_png(picture, drawn)
-    if scene is not None and text is not None:
-        write_scene(scene, text)
+    if scene is not None and content is not None:
+        write_scene(scene, content)
 
 
 def _area(surface: RealSurface) -> float:

@@ -8,13 +8,13 @@ from pathlib import Path
 
 import tomlkit
 import trimesh
-from tomlkit.exceptions import TOMLKitError
 from tomlkit.items import AoT
 
 from lightdepth.errors import InputError
 from lightdepth.images.writing import whole_file
 from lightdepth.reconstruction.place import Place
 from lightdepth.scene.model import RealSurface, Role
+from lightdepth.toml_file import document_bytes, read_document
 
 
 def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> None:
@@ -38,8 +38,8 @@ def mesh_path(surface: RealSurface, folder: Path) -> Path:
     return folder / f"{surface.name}.ply"
 
 
-def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], folder: Path, sky: bool) -> str:
-    """The text of a scene file with a ``[[real]]`` table for each surface; all else stays as the person wrote it.
+def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], folder: Path, sky: bool) -> bytes:
+    """The content of a scene file with a ``[[real]]`` table for each surface; all else stays as the person wrote it.
 
     A table of the same name gets the new mesh and role and loses a placement, for the mesh is in world space. Where the
     file does not exist, it is begun with the panorama and its pose.
@@ -54,7 +54,7 @@ def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], fo
     Raises:
         InputError: the file is not a readable TOML file or its ``real`` is no array of tables.
     """
-    document = _parsed(scene) if scene.exists() else _new_document(scene, place)
+    document = read_document(scene) if scene.exists() else _new_document(scene, place)
     tables = document.get("real")
     if tables is None:
         tables = document["real"] = tomlkit.aot()
@@ -74,24 +74,17 @@ def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], fo
             table.pop(key, None)
         if surface.role is not Role.SUPPORT:
             table.pop("gloss", None)
-    return tomlkit.dumps(document)
+    return document_bytes(document)
 
 
-def write_scene(scene: Path, text: str) -> None:
+def write_scene(scene: Path, content: bytes) -> None:
     """Write a scene file, whole or not at all.
 
     Raises:
         InputError: it cannot be written.
     """
     with whole_file(scene) as temporary:
-        temporary.write_bytes(text.encode("utf-8"))
-
-
-def _parsed(scene: Path) -> tomlkit.TOMLDocument:
-    try:
-        return tomlkit.parse(scene.read_bytes().decode("utf-8"))
-    except (TOMLKitError, OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{scene}: not a readable TOML file ({error})") from error
+        temporary.write_bytes(content)
 
 
 def _new_document(scene: Path, place: Place) -> tomlkit.TOMLDocument:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
-from lightdepth.directions import direction_to_latlong, euler_rotation, pixel_directions
+from lightdepth.directions import euler_rotation, pixel_directions
 
 FloatArray = NDArray[np.float64]
 
@@ -22,6 +22,8 @@ BEYOND = 0.04
 ROWS = (64, 400)
 """Fewest and most rows of the picture that unseen directions are looked for in."""
 TRIALS = 300
+JURY = 3000
+"""Points that a trial plane is judged by."""
 
 
 def continued_planes(
@@ -51,8 +53,6 @@ def continued_planes(
     directions = pixel_directions(height, 2 * height)
     angle, nearest = KDTree(ways / ranges[:, None]).query(directions.reshape(-1, 3))
     unseen = (angle * ranges[nearest] > GAP_CELLS * cell).reshape(height, 2 * height)
-    u, v = direction_to_latlong(ways)
-    pixels = np.minimum((v * height).astype(int), height - 1), (u * 2 * height).astype(int) % (2 * height)
     regions = _regions(unseen)
     box = _box(points, normals)
     added, facing = [np.empty((0, 3))], [np.empty((0, 3))]
@@ -61,8 +61,7 @@ def continued_planes(
         inside = directions[chosen]
         if len(inside) == 0:
             continue
-        beside = KDTree(inside).query(directions.reshape(-1, 3), distance_upper_bound=RING)[0] < np.inf
-        ring = beside.reshape(unseen.shape)[pixels]
+        ring = _around(inside, ways / ranges[:, None])
         planes = _planes(points, normals, ring, cell, random)
         rim = points[nearest.reshape(unseen.shape)[chosen]]
         inside = inside[(np.abs(rim @ planes[:, :3].T - planes[:, 3]) < cell).any(axis=1)]
@@ -71,10 +70,21 @@ def continued_planes(
         clearance = walls[:, :3] @ capture_point - walls[:, 3]
         met = (approach > 1e-6) & (clearance > 0.0)
         distance = np.divide(clearance, approach, out=np.full(approach.shape, np.inf), where=met)
-        first = distance.argmin(axis=1)
-        added.append(capture_point + inside * distance[np.arange(len(inside)), first, None])
-        facing.append(walls[first, :3])
+        first, reach = distance.argmin(axis=1), distance.min(axis=1)
+        met_any = np.isfinite(reach)  # A capture point outside the box sees past it.
+        added.append(capture_point + inside[met_any] * reach[met_any, None])
+        facing.append(walls[first[met_any], :3])
     return np.concatenate(added), np.concatenate(facing)
+
+
+def _around(inside: FloatArray, directions: FloatArray) -> NDArray[np.bool_]:
+    """Which directions lie in the ring around some, all unit vectors; shape (n,)."""
+    middle = inside.mean(axis=0)
+    middle /= max(float(np.linalg.norm(middle)), 1e-9)
+    reach = np.arccos(np.clip((inside @ middle).min(), -1.0, 1.0)) + RING
+    near = np.arccos(np.clip(directions @ middle, -1.0, 1.0)) < reach  # The tree need not be asked for all.
+    near[near] = KDTree(inside).query(directions[near], distance_upper_bound=RING)[0] < np.inf
+    return near
 
 
 def _box(points: FloatArray, normals: FloatArray) -> FloatArray:
@@ -104,7 +114,8 @@ def _planes(
     needed = max(SMALLEST_SHARE * ring.sum(), 30)
     while left.sum() > needed:
         trials = random.choice(np.flatnonzero(left), TRIALS)
-        counts = [_on(points[left], normals[left], normals[i], normals[i] @ points[i], cell).sum() for i in trials]
+        some = random.choice(np.flatnonzero(left), min(JURY, left.sum()), replace=False)
+        counts = [_on(points[some], normals[some], normals[i], normals[i] @ points[i], cell).sum() for i in trials]
         best = trials[int(np.argmax(counts))]
         normal, offset = normals[best], normals[best] @ points[best]
         for _ in range(4):
