@@ -168,7 +168,7 @@ def holes(scene):
     look(where, (1.0, 0.5, -0.35))
     yield DRAWN
     window.scroll_sidebar(where, 12)
-    yield 2 * DRAWN
+    yield 5 * DRAWN
     window.picture(folder / "holes.png")
     walls.data = kept
     bpy.data.objects.remove(bpy.data.objects["Holes"])
