@@ -1,5 +1,6 @@
 """The panels: a tab in the viewport's sidebar, the object's and the render's properties, the panoramic lens."""
 
+import textwrap
 from typing import ClassVar
 
 import bpy
@@ -7,6 +8,9 @@ import bpy
 from . import calibration, checking, export, modelling, panorama, rest, roles
 from .cameras import panoramic
 from .evaluation import ENGINE
+
+LETTER = 6.5
+"""Width of a letter of the user interface's font, pixels at scale 1, rather too much than too little."""
 
 
 class _Sidebar:
@@ -36,8 +40,9 @@ class PanoramaPanel(_Sidebar, bpy.types.Panel):
         layout.operator(panorama.ViewFromCapture.bl_idname, icon="HIDE_OFF")
 
 
-def draw_calibration(layout, settings) -> None:
+def draw_calibration(layout, context) -> None:
     """The calibration's buttons and its result; used in the viewport and in the image editor."""
+    settings = context.scene.lightdepth
     layout.use_property_split = True
     layout.operator(calibration.ClickCorners.bl_idname, icon="RESTRICT_SELECT_OFF")
     layout.label(text=f"{len(settings.corners)} of {calibration.CORNERS} corners")
@@ -46,7 +51,7 @@ def draw_calibration(layout, settings) -> None:
     layout.operator(calibration.Calibrate.bl_idname, icon="ORIENTATION_GIMBAL")
     if settings.residual >= 0.0:
         layout.label(text=f"Residual {settings.residual:.2f} degrees", icon="CHECKMARK")
-    _notes(layout, settings.calibration_notes)
+    _notes(layout, settings.calibration_notes, context)
 
 
 class CalibrationPanel(_Sidebar, bpy.types.Panel):
@@ -56,7 +61,7 @@ class CalibrationPanel(_Sidebar, bpy.types.Panel):
     bl_label = "Calibrate"
 
     def draw(self, context):
-        draw_calibration(self.layout, context.scene.lightdepth)
+        draw_calibration(self.layout, context)
 
 
 class ImageCalibrationPanel(bpy.types.Panel):
@@ -69,7 +74,7 @@ class ImageCalibrationPanel(bpy.types.Panel):
     bl_category = "lightdepth"
 
     def draw(self, context):
-        draw_calibration(self.layout, context.scene.lightdepth)
+        draw_calibration(self.layout, context)
 
 
 class PlacePanel(_Sidebar, bpy.types.Panel):
@@ -96,7 +101,7 @@ class PlacePanel(_Sidebar, bpy.types.Panel):
         if settings.coverage >= 0.0:
             icon = "CHECKMARK" if settings.coverage >= 1.0 else "ERROR"
             layout.label(text=f"Coverage {100.0 * settings.coverage:.2f} %", icon=icon)
-        _notes(layout, settings.check_notes)
+        _notes(layout, settings.check_notes, context)
 
 
 class ExportPanel(_Sidebar, bpy.types.Panel):
@@ -107,13 +112,16 @@ class ExportPanel(_Sidebar, bpy.types.Panel):
 
     def draw(self, context):
         self.layout.operator(export.ExportScene.bl_idname, icon="EXPORT")
-        _notes(self.layout, context.scene.lightdepth.export_notes)
+        _notes(self.layout, context.scene.lightdepth.export_notes, context)
 
 
-def _notes(layout, lines) -> None:
-    column = layout.column(align=True)
+def _notes(layout, lines, context) -> None:
+    """Whole sentences, broken into lines that fit: Blender would cut the middle out of them."""
+    letters = int((context.region.width - 70) / (LETTER * context.preferences.system.ui_scale))
     for line in lines:
-        column.label(text=line.text, icon="INFO")
+        column = layout.column(align=True)
+        for index, text in enumerate(textwrap.wrap(line.text, max(letters, 20))):
+            column.label(text=text, icon="BLANK1" if index else "INFO")
 
 
 class ObjectPanel(bpy.types.Panel):

@@ -22,19 +22,22 @@ POSITION, ROTATION = (0.0, 0.0, 1.3), [math.radians(angle) for angle in (-0.343,
 FLOOR = [(-1.384, -1.38), (1.848, -1.38), (1.848, 1.453), (-1.384, 1.453)]
 """The hotel room's floor without its corridor, as examples/lounge/model_room.py measured it; metres."""
 DRAWN = 3.0
+COMPILED = 90.0
+"""Seconds in which a window without a graphics card compiles the shaders of its material preview."""
 
 
 def steps():
     scene = begin()
     bpy.context.preferences.view.render_display_type = "AREA"
     bpy.context.preferences.view.show_splash = False
+    scene.eevee.taa_samples = 2  # each costs seconds without a graphics card
     settings = scene.lightdepth
     where = window.editor("VIEW_3D")
     with bpy.context.temp_override(**where):
         bpy.ops.lightdepth.load_panorama(filepath=str(repository / "examples/lounge/hotel_room.exr"))
     space = where["area"].spaces.active
-    space.show_region_ui = True
-    yield DRAWN
+    space.show_region_ui, space.lens = True, 30.0
+    yield COMPILED
     for region in where["area"].regions:
         if region.type == "UI":
             region.active_panel_category = "lightdepth"
@@ -90,8 +93,11 @@ def calibrate(settings):
     with bpy.context.temp_override(**where):
         bpy.ops.lightdepth.calibrate()
     bpy.context.view_layer.update()
-    look(where, (1.0, 1.0, -1.3))
-    yield 3 * DRAWN
+    look(where, (0.3, 1.0, -1.0))
+    for wait in (2 * DRAWN, DRAWN):  # the sidebar moves its panels apart in a second drawing
+        for region in where["area"].regions:
+            region.tag_redraw()
+        yield wait
     window.picture(folder / "calibrated.png")
     bpy.data.objects.remove(bpy.data.objects["Floor grid"])
 
@@ -100,14 +106,14 @@ def model(scene):
     """The floor while it is clicked, the place with a bed and a new object, and the colours of roles."""
     where = window.editor("VIEW_3D")
     bpy.context.view_layer.update()
-    view = look(where, (0.25, 1.0, -1.1))
+    view = look(where, (0.15, 1.0, -1.1))
     yield DRAWN
     with bpy.context.temp_override(**where):
         bpy.ops.lightdepth.add_room("INVOKE_DEFAULT")
-    for corner in ((-0.9, 0.9), (0.9, 0.9), (0.9, 1.45)):
+    for corner in ((-0.5, 0.75), (0.6, 0.75), (0.6, 1.45)):
         window.click(where, *location_3d_to_region_2d(where["region"], view, (*corner, 0.0)))
         yield DRAWN
-    window.move(where, *location_3d_to_region_2d(where["region"], view, (-0.9, 1.45, 0.0)))
+    window.move(where, *location_3d_to_region_2d(where["region"], view, (-0.5, 1.45, 0.0)))
     yield DRAWN
     window.picture(folder / "floor.png")
     window.press("Escape")
@@ -134,7 +140,7 @@ def model(scene):
     camera.rotation_euler = Vector((0.15, 1.0, -0.9)).to_track_quat("-Z", "Y").to_euler()
     camera.data.lens, camera.data.display_size = 20.0, 0.2
     look(where, (0.25, 1.0, -0.9))
-    yield 3 * DRAWN
+    yield COMPILED
     window.picture(folder / "place.png")
     view.view_distance, view.view_location = 4.0, Vector((0.2, 0.0, 0.8))
     view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.6) @ Quaternion((1.0, 0.0, 0.0), 0.9)
@@ -143,7 +149,6 @@ def model(scene):
     where["area"].spaces.active.shading.show_backface_culling = True
     yield DRAWN
     window.picture(folder / "roles.png")
-    where["area"].spaces.active.shading.show_backface_culling = False
 
 
 def holes(scene):
@@ -158,11 +163,12 @@ def holes(scene):
     mesh.free()
     where = window.editor("VIEW_3D")
     with bpy.context.temp_override(**where):
-        bpy.ops.lightdepth.show_roles()  # back to the photograph
         bpy.ops.lightdepth.check()
     bpy.context.view_layer.update()
-    look(where, (1.0, 0.35, -0.35))
-    yield 3 * DRAWN
+    look(where, (1.0, 0.5, -0.35))
+    yield DRAWN
+    window.scroll_sidebar(where, 12)
+    yield 5 * DRAWN
     window.picture(folder / "holes.png")
     walls.data = kept
     bpy.data.objects.remove(bpy.data.objects["Holes"])

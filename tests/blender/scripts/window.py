@@ -96,6 +96,12 @@ def click(where, x, y):
     move(where, x, y, "click", 1)
 
 
+def scroll_sidebar(where, notches):
+    """Turn the mouse wheel over an editor's sidebar."""
+    sidebar = next(region for region in where["area"].regions if region.type == "UI")
+    move(where | {"region": sidebar}, sidebar.width / 2, sidebar.height / 2, *["click", 5] * notches)
+
+
 def press(*keys):
     """Press keys, named as X11 does, one after the other."""
     _xdotool("key", *keys)
