@@ -1,4 +1,7 @@
-"""An L-shaped room with five small bright lamps; parts of its far leg are hidden from the capture point."""
+"""An L-shaped room with five small bright lamps; parts of its far leg are hidden from the capture point.
+
+Walls of which the capture point sees nothing are environment: no photograph tells the colour that support must have.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +54,10 @@ def l_shaped_room(objects: str = "mixed") -> Place:
         Part("front wall", rectangle((LEFT, FRONT, 0.0), up, (width, 0.0, 0.0)), WALL),
         Part("green wall", rectangle((LEFT, FRONT, 0.0), (0.0, near, 0.0), up), (0.25, 0.45, 0.22)),
         Part("inner wall", rectangle((LEFT, CORNER_Y, 0.0), (CORNER_X - LEFT, 0.0, 0.0), up), WALL),
-        Part("corner wall", rectangle((CORNER_X, CORNER_Y, 0.0), (0.0, far, 0.0), up), WALL),
-        Part("far wall", rectangle((CORNER_X, BACK, 0.0), (RIGHT - CORNER_X, 0.0, 0.0), up), WALL),
+        Part("corner wall", rectangle((CORNER_X, CORNER_Y, 0.0), (0.0, far, 0.0), up), WALL, role=Role.ENVIRONMENT),
+        Part(
+            "far wall", rectangle((CORNER_X, BACK, 0.0), (RIGHT - CORNER_X, 0.0, 0.0), up), WALL, role=Role.ENVIRONMENT
+        ),
         Part("right wall", rectangle((RIGHT, FRONT, 0.0), up, (0.0, BACK - FRONT, 0.0)), WALL),
     ]
     half = 0.5 * LAMP_SIZE

@@ -39,7 +39,7 @@ class Check(bpy.types.Operator):
 
         def look(depsgraph):
             export_scene(depsgraph, path)
-            return hole_cells(depsgraph, settings)
+            return [] if settings.sky else hole_cells(depsgraph, settings)
 
         try:
             with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:

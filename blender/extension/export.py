@@ -201,6 +201,7 @@ def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
         "position": list(capture.translation),
         "rotation": [math.degrees(angle) for angle in capture.to_euler("XYZ")],
         "scale": settings.scale,
+        "sky": settings.sky,
     }
 
 

@@ -97,6 +97,7 @@ class PlacePanel(_Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         column.operator(rest.StoreRest.bl_idname, icon="PINNED")
         column.operator(rest.ClearRest.bl_idname, icon="UNPINNED")
+        layout.prop(settings, "sky")
         layout.operator(checking.Check.bl_idname, icon="VIEWZOOM")
         if settings.coverage >= 0.0:
             icon = "CHECKMARK" if settings.coverage >= 1.0 else "ERROR"

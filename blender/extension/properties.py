@@ -69,6 +69,10 @@ class SceneSettings(bpy.types.PropertyGroup):
         soft_max=10.0,
         update=lambda self, context: panorama.rebuild(self.id_data),
     )
+    sky: BoolProperty(
+        name="Open to the Sky",
+        description="What no modelled surface covers is sky; otherwise it is a hole, which is not rendered",
+    )
 
     corners: CollectionProperty(
         type=PanoramaPoint, description="Corners of a rectangle on the floor, counter-clockwise"
