@@ -58,9 +58,10 @@ class Check(bpy.types.Operator):
 
 
 def _findings(found: dict) -> tuple[float, list[str]]:
-    """The share of directions that meet something, -1 where there is none, and what else the command says."""
+    """The share of directions that meet a surface or declared sky, -1 without geometry, and what else is said."""
+    coverage = found["coverage"]
     problems = [f"{problem['severity']}: {problem['message']}" for problem in found["problems"]]
-    return float(found["coverage"]["share"]) if found["coverage"] else -1.0, problems
+    return float(coverage["share"] + coverage["sky"]) if coverage else -1.0, problems
 
 
 def hole_cells(depsgraph, settings) -> list[tuple[int, int]]:
