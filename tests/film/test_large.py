@@ -14,7 +14,11 @@ import resource, sys, time
 from lightdepth.cli.app import main
 begun = time.monotonic()
 sys.argv = ["lightdepth", *sys.argv[1:]]
-main()
+try:
+    main()
+except SystemExit as stopped:
+    if stopped.code:
+        raise
 peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 print('{"event": "end", "peak": %.0f, "seconds": %.1f}' % (peak, time.monotonic() - begun))
 """
