@@ -110,6 +110,8 @@ def test_no_renderer_is_left_behind(blender, tmp_path, number):
         env=blender.environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
+        # What a shell starts in the background ignores interrupts, and so would Blender.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         try:
             deadline = time.monotonic() + 120
