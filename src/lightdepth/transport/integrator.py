@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import drjit as dr
@@ -28,7 +29,7 @@ class CameraSamples:
     covered: mi.Bool
 
 
-class Integrator:
+class Integrator(ABC):
     """Base of the methods' integrators.
 
     Args:
@@ -47,6 +48,7 @@ class Integrator:
         self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
         self.has_emitters = len(surfaces.all.emitters()) > 0
 
+    @abstractmethod
     def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
         """Follow one path along each camera ray.
 
@@ -55,4 +57,3 @@ class Integrator:
             ray: camera rays, world.
             active: rays outside the camera's image are not followed.
         """
-        raise NotImplementedError
