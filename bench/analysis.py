@@ -57,6 +57,11 @@ def select(records: Sequence[dict[str, Any]], **wanted: Any) -> list[dict[str, A
     return [record for record in records if all(record.get(key) == value for key, value in wanted.items())]
 
 
+def percent(share: float) -> str:
+    """A share for tables."""
+    return f"{100.0 * share:.2f} %"
+
+
 def spread(seconds: Sequence[float]) -> str:
     """Median and range of times, for tables."""
     if len(seconds) == 1:

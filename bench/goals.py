@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from bench.analysis import convergence, select
+from bench.analysis import convergence, percent, select
 
 Table = tuple[str, list[str], list[list[str]]]
 
@@ -35,7 +35,7 @@ def _converged(
         )
         for region in ("objects", "changed", "influenced"):
             own_error = measures[region]["block_rmse"]
-            row = [place, region, f"{100 * own_error:.2f} %"]
+            row = [place, region, percent(own_error)]
             for method in list(labels)[1:]:
                 theirs = max(select(found, method=method), key=lambda record: record["samples"], default=None)
                 row.append("" if theirs is None else _against(theirs["measures"][region]["block_rmse"], own_error))
@@ -54,7 +54,7 @@ def _converged(
 
 
 def _against(error: float, own: float) -> str:
-    return f"{100 * error:.2f} % ({error / max(own, 1e-9):.1f}x)"
+    return f"{percent(error)} ({error / max(own, 1e-9):.1f}x)"
 
 
 def _wrong(records: list[dict[str, Any]], places: tuple[str, ...]) -> Table:
@@ -70,7 +70,7 @@ def _wrong(records: list[dict[str, Any]], places: tuple[str, ...]) -> Table:
             own, other = (errors[method] for method in ("difference", "directional"))
             row = [place, model]
             for measure in ("rmse", "block_rmse"):
-                row += [f"{100 * own[measure]:.2f} %", _against(other[measure], own[measure])]
+                row += [percent(own[measure]), _against(other[measure], own[measure])]
             rows.append(row)
     head = ["place", "model", "`difference`, RMSE", "`directional`, RMSE", "`difference`, 8x8", "`directional`, 8x8"]
     return "Wrong models, influenced pixels: RMSE, and RMSE of the means of 8 by 8 pixels", head, rows
@@ -88,7 +88,7 @@ def _equal_error(
                 continue
             for samples in budgets:
                 error = math.sqrt(ours.bias**2 + ours.noise**2 / samples)
-                row = [place, region, f"{100 * error:.2f} %"]
+                row = [place, region, percent(error)]
                 for method in labels:
                     fitted = convergence(select(found, method=method), region)
                     row.append("" if fitted is None else _time(fitted.seconds_to(error), ours.seconds_to(error)))

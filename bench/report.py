@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from bench.analysis import convergence, select, spread
+from bench.analysis import convergence, percent, select, spread
 from bench.goals import goals
 from bench.pictures import plot_convergence, show_side_by_side
 
@@ -82,10 +82,6 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _percent(value: float) -> str:
-    return f"{100.0 * value:.2f} %"
-
-
 def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Iterator[str]:
     """Tables and pictures of the exact model through one camera."""
     records = select(results["records"], place=place, camera=camera, model="exact")
@@ -113,12 +109,12 @@ def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Ite
                     [
                         label + (", denoised" if denoised else ""),
                         spread(final[0]["seconds"]),
-                        _percent(measures["signed"]),
-                        _percent(measures["rmse"]),
+                        percent(measures["signed"]),
+                        percent(measures["rmse"]),
                         f"{measures['relative_mse']:.4f}",
-                        _percent(measures["block_rmse"]),
-                        _percent(fitted.bias) if fitted else "",
-                        _percent(fitted.noise) if fitted else "",
+                        percent(measures["block_rmse"]),
+                        percent(fitted.bias) if fitted else "",
+                        percent(fitted.noise) if fitted else "",
                         f"{measures['psnr']:.1f}",
                         f"{measures['ssim']:.3f}",
                         "" if flip is None else f"{flip:.4f}",
@@ -158,9 +154,7 @@ def _wrong_models(results: dict[str, Any], place: str) -> Iterator[str]:
                 for region in ("objects", "changed"):
                     measures = found[0]["measures"].get(region)
                     row += (
-                        ["", ""]
-                        if measures is None
-                        else [_percent(measures["signed"]), _percent(measures["block_rmse"])]
+                        ["", ""] if measures is None else [percent(measures["signed"]), percent(measures["block_rmse"])]
                     )
                 rows.append(row)
     if rows:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -45,12 +44,3 @@ def own(shot: Shot, method: str, budgets: Sequence[int], denoise: bool = False, 
         image = shot.plate * (1.0 - coverage) + frame.change + frame.synthetic
         rendered.append(Rendered(image, seconds))
     return rendered
-
-
-def prepared_seconds(shot: Shot, method: str = "difference") -> float:
-    """Seconds from a scene in memory to the first sample, warm kernels: irradiance and importance tables."""
-    scene = scene_of(shot)
-    lightdepth.render(scene, camera="shot", samples=1, method=method)
-    began = time.perf_counter()
-    lightdepth.render(replace(scene), camera="shot", samples=1, method=method)
-    return time.perf_counter() - began
