@@ -1,9 +1,12 @@
 """Shared by all tests."""
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
+
+from lightdepth.cli.app import main
 
 
 @pytest.fixture(scope="session")
@@ -14,3 +17,18 @@ def shared_data() -> Path:
     if not folder.is_dir():
         pytest.skip(f"real captures are not at {folder}")
     return folder
+
+
+@pytest.fixture
+def command(monkeypatch, capsys):
+    """Run `lightdepth` with arguments; gives exit status, standard output and standard error."""
+
+    def run(*arguments):
+        monkeypatch.setattr(sys, "argv", ["lightdepth", *map(str, arguments)])
+        monkeypatch.setenv("COLUMNS", "1000")
+        with pytest.raises(SystemExit) as stop:
+            main()
+        captured = capsys.readouterr()
+        return stop.value.code or 0, captured.out, captured.err
+
+    return run

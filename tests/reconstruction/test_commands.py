@@ -12,33 +12,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from lightdepth.cli.app import main
 from tests.reconstruction.virtual_room import CAPTURE, LAMPS, ROOM, distance_to_surface, scanned
 
 SOURCE = Path(__file__).parents[2] / "src"
 
 
-@pytest.fixture
-def lightdepth(monkeypatch, capsys):
-    """Call the command in this process: its exit status, what it printed, and its errors."""
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["lightdepth", *map(str, arguments)])
-        monkeypatch.setenv("COLUMNS", "200")
-        with pytest.raises(SystemExit) as ended:
-            main()
-        return ended.value.code, *capsys.readouterr()
-
-    return call
-
-
-def test_layout_then_lights(lightdepth, tmp_path, panorama, pose):
+def test_layout_then_lights(command, tmp_path, panorama, pose):
     low, high = ROOM
     corners = np.array([[low[0], low[1], 0], [high[0], low[1], 0], [high[0], high[1], 0], [low[0], high[1], 0]])
     u, v = pose.to_panorama(corners)
     floor = " ".join(f"{x:.3f},{y:.3f}" for x, y in zip(u * 256, v * 128, strict=True))
     place = ["--position", ",".join(map(str, CAPTURE)), "--rotation", "2,-3,25", "--camera-height", 1.5]
-    status, printed, errors = lightdepth(
+    status, printed, errors = command(
         "reconstruct", "layout", panorama, "--floor", floor, "--ceiling", 2.6, *place, "-o", tmp_path / "meshes",
         "--write", tmp_path / "scene.toml", "--picture", tmp_path / "check.png", "--json",
     )  # fmt: skip
@@ -55,7 +40,7 @@ def test_layout_then_lights(lightdepth, tmp_path, panorama, pose):
     around = picture[y, x - 4 : x + 5]
     assert (around[:, 2] - around[:, 0]).max() > 100  # Orange.
 
-    status, printed, _ = lightdepth(
+    status, printed, _ = command(
         "reconstruct", "lights", tmp_path / "scene.toml", "--json", "--table", tmp_path / "lights.csv"
     )
     assert status == 0
@@ -64,9 +49,9 @@ def test_layout_then_lights(lightdepth, tmp_path, panorama, pose):
     assert (tmp_path / "lights.csv").read_text(encoding="utf-8").startswith("position_1,position_2,position_3,")
 
 
-def test_from_depth(lightdepth, tmp_path, panorama, depth):
+def test_from_depth(command, tmp_path, panorama, depth):
     np.save(tmp_path / "depth.npy", depth)
-    status, printed, errors = lightdepth(
+    status, printed, errors = command(
         "reconstruct", "from-depth", tmp_path / "depth.npy", "--panorama", panorama, "--position", "0.1,-0.2,1.5",
         "--rotation", "2,-3,25", "-o", tmp_path / "meshes",
     )  # fmt: skip
@@ -77,7 +62,7 @@ def test_from_depth(lightdepth, tmp_path, panorama, depth):
     assert "still open: 0 %" in printed
 
 
-def test_from_points(lightdepth, tmp_path, panorama):
+def test_from_points(command, tmp_path, panorama):
     """A scan with 1 cm noise of which a fifth is missing in one piece, a corner of the room: unseen, but not lost."""
     toward = np.array([-1.0, -1.0, 0.3])
     scan = scanned(toward, 53.0, count=40_000)
@@ -86,7 +71,7 @@ def test_from_points(lightdepth, tmp_path, panorama):
     las.header.scales, las.header.offsets = [1e-4] * 3, scan.mean(axis=0)
     las.x, las.y, las.z = scan.T
     las.write(str(tmp_path / "scan.las"))
-    status, printed, errors = lightdepth(
+    status, printed, errors = command(
         "reconstruct", "from-points", tmp_path / "scan.las", "--panorama", panorama, "--position", "0.1,-0.2,1.5",
         "--rotation", "2,-3,25", "--detail", 0.08, "-o", tmp_path / "meshes", "--write", tmp_path / "scene.toml",
         "--picture", tmp_path / "check.png", "--json",
@@ -103,14 +88,14 @@ def test_from_points(lightdepth, tmp_path, panorama):
     unseen = ways @ toward > np.cos(np.radians(45.0)) * np.linalg.norm(ways, axis=1) * np.linalg.norm(toward)
     assert np.median(distance_to_surface(samples[unseen])) < 0.02
 
-    status, printed, _ = lightdepth("check", tmp_path / "scene.toml", "--json")
+    status, printed, _ = command("check", tmp_path / "scene.toml", "--json")
     assert status == 0
     checked = json.loads(printed)
     assert checked["coverage"]["share"] == 1.0
     assert "error" not in {problem["severity"] for problem in checked["problems"]}
 
     # The lamp on the wall hangs where nothing was measured.
-    status, printed, _ = lightdepth("reconstruct", "lights", tmp_path / "scene.toml", "--json")
+    status, printed, _ = command("reconstruct", "lights", tmp_path / "scene.toml", "--json")
     assert status == 0
     found = np.array([light["position"] for light in json.loads(printed)["lights"]])
     for centre, _, _ in LAMPS.values():
@@ -128,9 +113,9 @@ def test_from_points(lightdepth, tmp_path, panorama):
         (["lights", "PANORAMA"], "a light-depth map has the channels R, G, B and Z"),
     ],
 )  # fmt: skip
-def test_bad_input_ends_in_one_message_and_status_2(lightdepth, arguments, message, panorama, tmp_path):
+def test_bad_input_ends_in_one_message_and_status_2(command, arguments, message, panorama, tmp_path):
     named = {"PANORAMA": str(panorama), "X": str(tmp_path / "meshes")}
-    status, _, errors = lightdepth("reconstruct", *(named.get(word, word) for word in arguments))
+    status, _, errors = command("reconstruct", *(named.get(word, word) for word in arguments))
     assert status == 2
     assert errors.startswith("error: ")
     assert message in errors
