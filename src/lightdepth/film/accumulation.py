@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.kernel.arrays import aligned
 from lightdepth.transport.integrator import CameraSamples
 
 PIXELS_AT_ONCE = 1 << 20
@@ -59,7 +60,7 @@ class Accumulator:
             samples: estimates, ``per_pixel`` in a row for each of ``slots``.
             per_pixel: samples per pixel.
         """
-        place = mi.UInt32(slots)
+        place = mi.UInt32(aligned(slots, np.uint32))
         squares = dr.square(samples.change + samples.synthetic)
         for total, color in (
             (self._change, samples.change),

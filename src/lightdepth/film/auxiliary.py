@@ -44,8 +44,8 @@ def render_auxiliary(
         here = slice(first, first + rows)
         ray, inside = rays(0.5, 0.5)
         found = prepared.surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
-        object_id[here] = _object_ids(prepared, found, inside).numpy().reshape(rows, width)
-        depth[here] = dr.select(inside & found.is_valid(), found.t, dr.inf).numpy().reshape(rows, width)
+        ids = _object_ids(prepared, found, inside)
+        distance = dr.select(inside & found.is_valid(), found.t, dr.inf)
         mean_normal, mean_albedo = mi.Vector3f(0.0), mi.Color3f(0.0)
         for x in offsets:
             for y in offsets:
@@ -53,8 +53,12 @@ def render_auxiliary(
                 mean_normal += one_normal
                 mean_albedo += one_albedo
         mean_normal *= dr.rsqrt(dr.maximum(dr.squared_norm(mean_normal), 1e-12))
+        mean_albedo /= SUBPIXELS**2
+        dr.eval(ids, distance, mean_normal, mean_albedo)  # At once: one by one would trace all rays again.
+        object_id[here] = ids.numpy().reshape(rows, width)
+        depth[here] = distance.numpy().reshape(rows, width)
         normal[here] = mean_normal.numpy().T.reshape(rows, width, 3)
-        albedo[here] = (mean_albedo / SUBPIXELS**2).numpy().T.reshape(rows, width, 3)
+        albedo[here] = mean_albedo.numpy().T.reshape(rows, width, 3)
     return object_id, depth, normal, albedo
 
 

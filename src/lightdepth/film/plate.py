@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cameras import Equirectangular
+from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Panorama
 from lightdepth.transport.place import Place
@@ -67,8 +68,8 @@ def render_plate(view: CameraView, panorama: Panorama, place: Place) -> tuple[ND
 def _subpixels(view: CameraView, place: Place) -> int:
     """Points along each side of a pixel, so that they lie at most one pixel of the panorama apart."""
     _, height = view.camera.resolution
-    x = mi.Float(np.linspace(0.1, 0.9, 9).repeat(9).astype(np.float32))
-    y = mi.Float(np.tile(np.linspace(0.1, 0.9, 9), 9).astype(np.float32))
+    x = mi.Float(aligned(np.linspace(0.1, 0.9, 9).repeat(9)))
+    y = mi.Float(aligned(np.tile(np.linspace(0.1, 0.9, 9), 9)))
     _, direction, _ = view.camera.camera_rays(mi.Point2f(x, y), mi.Point2f(0.5))
     _, beside, _ = view.camera.camera_rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
     angle = float(np.max(dr.norm(direction - beside).numpy()))

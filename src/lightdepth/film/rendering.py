@@ -18,6 +18,7 @@ from lightdepth.film.auxiliary import render_auxiliary
 from lightdepth.film.frame import Frame
 from lightdepth.film.plate import render_plate
 from lightdepth.film.selection import influenced_pixels
+from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Scene
 from lightdepth.transport.methods import Prepared
@@ -242,8 +243,10 @@ class Rendering:
         # Not a literal, which would compile anew for every number.
         count = dr.opaque(mi.UInt32, per_pixel)
         owner = lane // count
-        pixel = dr.gather(mi.UInt32, mi.UInt32(self.pixels[slots]), owner)
-        index = dr.gather(mi.UInt32, mi.UInt32(self._accumulator.taken[slots]), owner) + lane % count
+        pixel = dr.gather(mi.UInt32, mi.UInt32(aligned(self.pixels[slots], np.uint32)), owner)
+        index = (
+            dr.gather(mi.UInt32, mi.UInt32(aligned(self._accumulator.taken[slots], np.uint32)), owner) + lane % count
+        )
         randoms = begin_path(pixel, index, dr.opaque(mi.UInt32, self._seed))
         x, y = randoms.spread("film")
         film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)

@@ -21,6 +21,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from lightdepth.kernel.arrays import aligned
+
 SMALLEST_ALPHA = 1e-3
 COAT_F0 = 0.04
 _TABLE_SIZE = 64
@@ -65,7 +67,7 @@ def _albedo_table() -> mi.Texture2f:
     value, schlick, density = lobe.eval(wo)
     weight = dr.select((wo.z > 0.0) & (density > 0.0), value / density, 0.0)
     shares = [np.array(part).reshape(_TABLE_SIZE, _TABLE_SIZE, -1).mean(-1) for part in _split(weight, schlick)]
-    table = mi.TensorXf(np.stack(shares, axis=-1).astype(np.float32))
+    table = mi.TensorXf(mi.Float(aligned(np.stack(shares, axis=-1))), (_TABLE_SIZE, _TABLE_SIZE, 2))
     return mi.Texture2f(table, filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp)
 
 

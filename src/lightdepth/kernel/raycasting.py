@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.real_surfaces import face_normals
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import Mesh
@@ -53,14 +54,13 @@ class RayCaster:
         faces = np.concatenate([mesh.faces + first for mesh, first in zip(meshes, vertex_offsets, strict=False)])
         self._normals = face_normals(vertices, faces)
         start()
-        import mitsuba as mi
-
+        from lightdepth.kernel.loading import load
         from lightdepth.kernel.shapes import mesh_shape
 
         mesh = mesh_shape(Mesh(vertices, faces.astype(np.int32)))
         # By default, rays that pass exactly through a vertex or an edge may slip through the mesh.
         settings = {"type": "scene", "embree_use_robust_intersections": True}
-        self._scene = mi.load_dict({**settings, "mesh": mesh}, optimize=False)
+        self._scene = load({**settings, "mesh": mesh})
 
     def cast(self, origins: NDArray[np.floating], directions: NDArray[np.floating]) -> Hits:
         """Find what rays hit first.
@@ -98,8 +98,8 @@ def _cast(
     import mitsuba as mi
 
     ray = mi.Ray3f(
-        mi.Point3f(np.ascontiguousarray(origins.T, dtype=np.float32)),
-        mi.Vector3f(np.ascontiguousarray(directions.T, dtype=np.float32)),
+        mi.Point3f(*(mi.Float(aligned(axis)) for axis in origins.T)),
+        mi.Vector3f(*(mi.Float(aligned(axis)) for axis in directions.T)),
     )
     found = scene.ray_intersect_preliminary(ray, coherent=True)
     valid = found.is_valid()

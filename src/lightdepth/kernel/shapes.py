@@ -9,6 +9,8 @@ import numpy as np
 
 import lightdepth.kernel.metallic_roughness  # noqa: F401 - registers the BSDF
 from lightdepth.errors import InputError
+from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.loading import load
 from lightdepth.kernel.textures import TextureCache
 from lightdepth.scene.materials import Material
 from lightdepth.scene.model import AnalyticShape, Mesh, Scene
@@ -59,7 +61,7 @@ def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | No
     )
     parameters = mi.traverse(shape)
     parameters["vertex_positions"] = _flat(mesh.vertices)
-    parameters["faces"] = mi.UInt32(np.ascontiguousarray(mesh.faces, dtype=np.uint32).ravel())
+    parameters["faces"] = mi.UInt32(aligned(mesh.faces, np.uint32))
     if mesh.normals is not None:
         parameters["vertex_normals"] = _flat(mesh.normals)
     if mesh.texture_coordinates is not None:
@@ -72,7 +74,7 @@ def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | No
 
 
 def _flat(values: np.ndarray) -> mi.Float:
-    return mi.Float(np.ascontiguousarray(values, dtype=np.float32).ravel())
+    return mi.Float(aligned(values))
 
 
 class _RefusedMaterialError(Exception):
@@ -92,19 +94,19 @@ class _Builder:
         light = material.plugins().get("emitter")
         light = None if light is None else self._textures.plugin(light, v_up=analytic)
         if isinstance(geometry, Mesh):
-            return mesh_shape(geometry, bsdf, None if light is None else mi.load_dict(light))
+            return mesh_shape(geometry, bsdf, None if light is None else load(light))
         description: dict[str, Any] = {"type": geometry.kind, "bsdf": bsdf}
         description["to_world"] = mi.ScalarTransform4f(geometry.to_world)
         if light is not None:
             description["emitter"] = light
-        return mi.load_dict(description)
+        return load(description)
 
     def _bsdf(self, material: Material, v_up: bool) -> mi.BSDF:
         key = (id(material), v_up)
         if key not in self._bsdfs:
             description = self._textures.plugin(material.plugins()["bsdf"], v_up)
             try:
-                bsdf = mi.load_dict(description)
+                bsdf = load(description)
             except (RuntimeError, ValueError, TypeError) as error:
                 raise _RefusedMaterialError(_last_sentence(str(error))) from error
             if not isinstance(bsdf, mi.BSDF):

@@ -7,6 +7,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from lightdepth.kernel.loading import load
 from lightdepth.scene.materials.texture import Texture, VertexColors
 
 
@@ -44,7 +45,7 @@ def bitmap(texture: Texture, v_up: bool = False) -> mi.Texture:
     to_uv = texture.to_uv
     if v_up:
         to_uv = to_uv @ np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 1.0], [0.0, 0.0, 1.0]])
-    return mi.load_dict(
+    return load(
         {
             "type": "bitmap",
             "bitmap": mi.Bitmap(np.ascontiguousarray(texture.pixels)),

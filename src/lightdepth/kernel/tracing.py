@@ -9,6 +9,8 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from lightdepth.kernel.arrays import aligned, aligned_empty
+from lightdepth.kernel.loading import load
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.kernel.shapes import mesh_shape
 
@@ -54,7 +56,7 @@ class TracedSurfaces:
         self.has_synthetic = len(shapes) > 0
         self.deformed = surfaces.deformed
         self.kinds = frozenset(FaceKind(int(kind)) for kind in np.unique(surfaces.kind))
-        black = mi.load_dict({"type": "diffuse", "reflectance": 0.0})
+        black = load({"type": "diffuse", "reflectance": 0.0})
         real = {"real": mesh_shape(surfaces.mesh(), black)} if self.has_real else {}
         new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
         # Robust, since light and depth are looked up along rays through vertices; elsewhere it would cost a tenth more.
@@ -73,8 +75,8 @@ class TracedSurfaces:
         corners[:count, 3] = surfaces.kind | (surfaces.gloss << 2)
         normals = np.zeros((max(count, 1), 4), np.float32)
         normals[:count, :3] = face_normals(surfaces.vertices, surfaces.faces)
-        self._corners = mi.UInt32(corners.reshape(-1))
-        self._normals = mi.Float(normals.reshape(-1))
+        self._corners = mi.UInt32(aligned(corners, np.uint32))
+        self._normals = mi.Float(aligned(normals))
         self._irradiance = mi.Float(_padded(surfaces.irradiance))
         self._mirrored = mi.Float(_padded(surfaces.mirrored)) if surfaces.glosses else None
         self._rest = mi.Float(_padded(surfaces.rest)) if self.deformed else None
@@ -158,7 +160,7 @@ def leave(
 
 
 def _scene(shapes: dict[str, mi.Shape], robust: bool = False) -> mi.Scene:
-    return mi.load_dict({"type": "scene", "embree_use_robust_intersections": robust, **shapes}, optimize=False)
+    return load({"type": "scene", "embree_use_robust_intersections": robust, **shapes})
 
 
 def _shape_number(shape: mi.Shape) -> int:
@@ -167,6 +169,7 @@ def _shape_number(shape: mi.Shape) -> int:
 
 def _padded(vectors: np.ndarray) -> np.ndarray:
     """Vectors of shape (n, 3) as a flat array of groups of four, which are gathered at once; never empty."""
-    padded = np.zeros((max(len(vectors), 1), 4), np.float32)
+    padded = aligned_empty((max(len(vectors), 1), 4))
+    padded[:] = 0.0
     padded[: len(vectors), :3] = vectors
     return padded.reshape(-1)

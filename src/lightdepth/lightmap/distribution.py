@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_solid_angles
+from lightdepth.kernel.arrays import aligned, aligned_empty
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
@@ -28,7 +29,7 @@ class MapDistribution:
 
     def __init__(self, radiance: NDArray[np.float32]) -> None:
         self.height, self.width = radiance.shape[:2]
-        texels = np.empty((self.height, self.width, 4), dtype=np.float32)
+        texels = aligned_empty((self.height, self.width, 4))
         texels[..., :3] = radiance
         weights = radiance @ LUMINANCE_WEIGHTS.astype(np.float32)
         weights *= pixel_solid_angles(self.height, self.width).astype(np.float32)[:, None]
@@ -115,7 +116,7 @@ class MapDistribution:
         over_pole = (v < 0.0) | (v > 1.0)
         v = np.where(v < 0.0, -v, np.where(v > 1.0, 2.0 - v, v))
         u = np.mod(np.where(over_pole, u + 0.5, u), 1.0)
-        return index, latlong_to_direction(mi.Float(u.astype(np.float32)), mi.Float(v.astype(np.float32)))
+        return index, latlong_to_direction(mi.Float(aligned(u)), mi.Float(aligned(v)))
 
     def _interpolate(self, u: mi.Float, v: mi.Float) -> mi.Vector4f:
         x, y = u * self.width - 0.5, v * self.height - 0.5

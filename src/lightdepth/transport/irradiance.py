@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.tracing import leave
 from lightdepth.transport.place import LIGHT_SAMPLES, SHADOW_RAY_END, Place
 from lightdepth.transport.support import SpecularLobes, SupportScattering
@@ -86,20 +87,22 @@ def _estimate(
 ) -> tuple[NDArray[np.float32], float]:
     """Scattered radiance from two independent halves: their mean, and the typical relative error of it."""
     half = samples // 2
+    each = dr.opaque(mi.UInt32, half)  # Not a literal, which would compile anew for every number.
     results = np.zeros((2, len(points), 3))
     for result in results:
         place.draw_lights(generator, min(LIGHT_SAMPLES, LIGHTS_PER_SAMPLE * samples))
         for chunk in np.array_split(np.arange(len(points)), max(1, -(-len(points) * half // LANES))):
             lane = dr.arange(mi.UInt32, len(chunk) * half)
-            owner = lane // half
-            normal = dr.gather(mi.Vector3f, mi.Float(normals[chunk].reshape(-1)), owner)
-            toward = dr.gather(mi.Vector3f, mi.Float(outgoing[chunk].astype(np.float32).reshape(-1)), owner)
-            number = dr.gather(mi.UInt32, mi.UInt32(gloss[chunk]), owner)
+            owner = lane // each
+            normal = dr.gather(mi.Vector3f, mi.Float(aligned(normals[chunk])), owner)
+            toward = dr.gather(mi.Vector3f, mi.Float(aligned(outgoing[chunk])), owner)
+            number = dr.gather(mi.UInt32, mi.UInt32(aligned(gloss[chunk], np.uint32)), owner)
             lobe = SupportScattering(mi.Color3f(albedo), normal, toward, lobes, number, None, mi.Float(0.0))
-            point = dr.gather(mi.Point3f, mi.Float(points[chunk].reshape(-1)), owner)
-            shifts = mi.Float(generator.random(4 * len(chunk), dtype=np.float32))
+            point = dr.gather(mi.Point3f, mi.Float(aligned(points[chunk])), owner)
+            shifts = mi.Float(aligned(generator.random(4 * len(chunk), dtype=np.float32)))
             shift = dr.gather(mi.Vector4f, shifts, owner)
-            value = _scattered(place, point, normal, lobe, mi.Float(lane % half), shift, half)
+            value = _scattered(place, point, normal, lobe, mi.Float(lane % each), shift, mi.Float(each))
+            dr.eval(value)  # At once: each channel by itself would trace all rays again.
             result[chunk] = np.stack([dr.block_sum(channel, half).numpy() for channel in value], axis=1) / half
     mean = results.mean(axis=0)
     difference = (results[0] - results[1]).mean(axis=1) / np.maximum(results.sum(axis=0).mean(axis=1), 1e-30)
@@ -114,7 +117,7 @@ def _scattered(
     lobe: SupportScattering,
     number: mi.Float,
     shift: mi.Vector4f,
-    samples: int,
+    samples: mi.Float,
 ) -> mi.Color3f:
     """One sample of each technique for sample ``number`` of ``samples``, shifted at random from point to point."""
     light = place.light((number + shift.x) / samples, mi.Bool(True))

@@ -15,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from lightdepth.kernel.arrays import aligned_empty
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.kernel.real_surfaces import FaceKind
 from lightdepth.kernel.tracing import RealHit, TracedSurfaces
@@ -211,10 +212,10 @@ class Place:
         """``z(w)`` at the pixels' centres, metres, inf for sky."""
         if self.infinite or not self.surfaces.has_real:
             return mi.Float(dr.inf)
-        depth = np.empty(self.map.width * self.map.height, np.float32)
+        depth = aligned_empty(self.map.width * self.map.height)
         index = dr.arange(mi.UInt32, self.map.width * 64)
         for first in range(0, self.map.height, 64):
-            pixel = index + first * self.map.width
+            pixel = index + dr.opaque(mi.UInt32, first * self.map.width)
             u = (mi.Float(pixel % self.map.width) + 0.5) / self.map.width
             v = (mi.Float(pixel // self.map.width) + 0.5) / self.map.height
             ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))

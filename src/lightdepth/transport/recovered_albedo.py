@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.opaque import opaque_point
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.transport.adaptive_irradiance import DARK, estimate_on_mesh, share_of_view
 from lightdepth.transport.bounds import Sphere
@@ -124,7 +126,8 @@ def _wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int
     normal = face_normals(surfaces.rest, faces)
     offset = centre - place.capture.astype(np.float32)
     distance = np.linalg.norm(offset, axis=1)
-    ray = mi.Ray3f(mi.Point3f(place.capture), mi.Vector3f((offset / distance[:, None]).T))
+    direction = mi.Vector3f(*(mi.Float(aligned(axis)) for axis in (offset / distance[:, None]).T))
+    ray = mi.Ray3f(opaque_point(place.capture), direction)
     free = place.surfaces.real.ray_intersect_preliminary(ray, coherent=False).t.numpy() > 0.999 * distance
     twice_area = np.linalg.norm(
         np.cross(
