@@ -7,11 +7,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.film.bands import Band, bands
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView
 from lightdepth.transport.methods import Prepared
 
-ROWS_AT_ONCE = 64
 SUBPIXELS = 2
 """Points along each side of a pixel over which normal and albedo are averaged."""
 
@@ -30,35 +30,34 @@ def render_auxiliary(
     normal = np.empty((height, width, 3), np.float16)  # As the file has them: of a large image, this counts.
     albedo = np.empty((height, width, 3), np.float16)
     origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
-    offsets = [(i + 0.5) / SUBPIXELS for i in range(SUBPIXELS)]
-    for first in range(0, height, ROWS_AT_ONCE):
-        rows = min(ROWS_AT_ONCE, height - first)
-        lane = dr.arange(mi.UInt32, width * rows)
-        column, row = mi.Float(lane % width), mi.Float(lane // width + dr.opaque(mi.UInt32, first))
+    for band in bands(width, height):
 
-        def rays(x: float, y: float, column: mi.Float = column, row: mi.Float = row) -> tuple[mi.Ray3f, mi.Bool]:
-            film = mi.Point2f((column + x) / width, (row + y) / height)
+        def rays(offset: mi.Point2f, band: Band = band) -> tuple[mi.Ray3f, mi.Bool]:
+            film = mi.Point2f((band.column + offset.x) / width, (band.row + offset.y) / height)
             start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
             return mi.Ray3f(origin + rotation @ start, rotation @ direction), inside
 
-        here = slice(first, first + rows)
-        ray, inside = rays(0.5, 0.5)
+        ray, inside = rays(mi.Point2f(0.5))
         found = prepared.surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
         ids = _object_ids(prepared, found, inside)
         distance = dr.select(inside & found.is_valid(), found.t, dr.inf)
-        mean_normal, mean_albedo = mi.Vector3f(0.0), mi.Color3f(0.0)
-        for x in offsets:
-            for y in offsets:
-                one_normal, one_albedo = _surface(prepared, *rays(x, y))
+        dr.eval(ids, distance)  # At once: one by one would trace all rays again.
+        object_id[band.rows] = ids.numpy().reshape(band.shape)
+        depth[band.rows] = distance.numpy().reshape(band.shape)
+        mean_normal, mean_albedo = (dr.zeros(kind, dr.width(band.row)) for kind in (mi.Vector3f, mi.Color3f))
+        dr.make_opaque(mean_normal, mean_albedo)  # Literal zeros would need a kernel of their own.
+        for i in range(SUBPIXELS):
+            for j in range(SUBPIXELS):
+                # Point by point, so that one small kernel serves all of them.
+                offset = mi.Point2f((i + 0.5) / SUBPIXELS, (j + 0.5) / SUBPIXELS)
+                dr.make_opaque(offset)
+                one_normal, one_albedo = _surface(prepared, *rays(offset))
                 mean_normal += one_normal
                 mean_albedo += one_albedo
+                dr.eval(mean_normal, mean_albedo)
         mean_normal *= dr.rsqrt(dr.maximum(dr.squared_norm(mean_normal), 1e-12))
-        mean_albedo /= SUBPIXELS**2
-        dr.eval(ids, distance, mean_normal, mean_albedo)  # At once: one by one would trace all rays again.
-        object_id[here] = ids.numpy().reshape(rows, width)
-        depth[here] = distance.numpy().reshape(rows, width)
-        normal[here] = mean_normal.numpy().T.reshape(rows, width, 3)
-        albedo[here] = mean_albedo.numpy().T.reshape(rows, width, 3)
+        normal[band.rows] = mean_normal.numpy().T.reshape(*band.shape, 3)
+        albedo[band.rows] = (mean_albedo / SUBPIXELS**2).numpy().T.reshape(*band.shape, 3)
     return object_id, depth, normal, albedo
 
 

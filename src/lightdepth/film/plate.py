@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cameras import Equirectangular
+from lightdepth.film.bands import bands
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Panorama
 from lightdepth.transport.place import Place
 
-ROWS_AT_ONCE = 64
 MOST_SUBPIXELS = 8
 
 
@@ -42,17 +42,15 @@ def render_plate(view: CameraView, panorama: Panorama, place: Place) -> tuple[ND
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
     origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
-    for first in range(0, height, ROWS_AT_ONCE):
-        rows = min(ROWS_AT_ONCE, height - first)
-        lane = dr.arange(mi.UInt32, width * rows)
-        column, row = mi.Float(lane % width), mi.Float(lane // width + dr.opaque(mi.UInt32, first))
-        total, share = dr.zeros(mi.Color3f, width * rows), dr.zeros(mi.Float, width * rows)
+    for band in bands(width, height):
+        total, share = dr.zeros(mi.Color3f, dr.width(band.row)), dr.zeros(mi.Float, dr.width(band.row))
+        dr.make_opaque(total, share)  # Literal zeros would need a kernel of their own.
         for i in range(subpixels):
             for j in range(subpixels):
                 # Point by point, so that one small kernel serves all of them.
                 offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
                 dr.make_opaque(offset)
-                film = mi.Point2f((column + offset.x) / width, (row + offset.y) / height)
+                film = mi.Point2f((band.column + offset.x) / width, (band.row + offset.y) / height)
                 start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
                 ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
                 hit = place.surfaces.first_real(ray, inside)
@@ -60,8 +58,8 @@ def render_plate(view: CameraView, panorama: Panorama, place: Place) -> tuple[ND
                 share += dr.select(inside, 1.0, 0.0)
                 dr.eval(total, share)
         scale = 1.0 / subpixels**2
-        plate[first : first + rows] = (total * scale).numpy().T.reshape(rows, width, 3)
-        alpha[first : first + rows] = (share * scale).numpy().reshape(rows, width)
+        plate[band.rows] = (total * scale).numpy().T.reshape(*band.shape, 3)
+        alpha[band.rows] = (share * scale).numpy().reshape(band.shape)
     return plate, alpha
 
 

@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.film.bands import bands
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.kernel.real_surfaces import FaceKind
 from lightdepth.scene.model import CameraView
@@ -14,7 +15,6 @@ from lightdepth.transport.methods import Prepared
 
 TILE = 8
 """Pixels along the side of the tiles that are kept or skipped as a whole."""
-ROWS_AT_ONCE = 64
 
 
 def influenced_pixels(view: CameraView, prepared: Prepared) -> NDArray[np.uint32]:
@@ -30,15 +30,12 @@ def influenced_pixels(view: CameraView, prepared: Prepared) -> NDArray[np.uint32
     columns, rows = -(-width // TILE), -(-height // TILE)
     kept = np.zeros((rows, columns), bool)
     origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
-    for first in range(0, rows, ROWS_AT_ONCE):
-        count = min(ROWS_AT_ONCE, rows - first)
-        lane = dr.arange(mi.UInt32, columns * count)
-        column, row = mi.Float(lane % columns), mi.Float(lane // columns + dr.opaque(mi.UInt32, first))
+    for band in bands(columns, rows):
         reached = mi.Bool(False)
         middle, corners = None, []
         for x, y in ((0.5, 0.5), (0.02, 0.02), (0.98, 0.02), (0.02, 0.98), (0.98, 0.98)):
             film = mi.Point2f(
-                dr.minimum((column + x) * (TILE / width), 1.0), dr.minimum((row + y) * (TILE / height), 1.0)
+                dr.minimum((band.column + x) * (TILE / width), 1.0), dr.minimum((band.row + y) * (TILE / height), 1.0)
             )
             start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
             ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
@@ -55,7 +52,7 @@ def influenced_pixels(view: CameraView, prepared: Prepared) -> NDArray[np.uint32
         )
         if prepared.integrator.bounds is not None:
             reached |= prepared.integrator.bounds.near(middle, radius)
-        kept[first : first + count] = reached.numpy().reshape(count, columns)
+        kept[band.rows] = reached.numpy().reshape(band.shape)
     return _pixels_of(_grown(kept), width, height)
 
 

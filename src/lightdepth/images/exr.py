@@ -94,6 +94,7 @@ def write_exr(path: Path, parts: Sequence[ExrPart]) -> None:
     Raises:
         InputError: the file cannot be written (folder missing, no permission, disk full).
     """
+    OpenEXR.set_global_thread_count(os.cpu_count() or 1)
     exr_parts = []
     for part in parts:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **part.header}

@@ -66,7 +66,9 @@ def _albedo_table() -> mi.Texture2f:
     wo = lobe.sample(points)
     value, schlick, density = lobe.eval(wo)
     weight = dr.select((wo.z > 0.0) & (density > 0.0), value / density, 0.0)
-    shares = [np.array(part).reshape(_TABLE_SIZE, _TABLE_SIZE, -1).mean(-1) for part in _split(weight, schlick)]
+    parts = [dr.block_sum(part, _TABLE_SAMPLES) / _TABLE_SAMPLES for part in _split(weight, schlick)]
+    dr.eval(parts)  # At once: one by one would draw all samples again.
+    shares = [part.numpy().reshape(_TABLE_SIZE, _TABLE_SIZE) for part in parts]
     table = mi.TensorXf(mi.Float(aligned(np.stack(shares, axis=-1))), (_TABLE_SIZE, _TABLE_SIZE, 2))
     return mi.Texture2f(table, filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp)
 

@@ -18,6 +18,7 @@ from lightdepth.directions import pixel_solid_angles
 from lightdepth.kernel.arrays import aligned, aligned_empty
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+PIXELS_AT_ONCE = 1 << 18
 
 
 class MapDistribution:
@@ -42,8 +43,11 @@ class MapDistribution:
         self._texels = mi.Float(texels.reshape(-1))
         # On the CPU this is where the texels lie: of a large panorama, a copy of them counts.
         self._weights = self._texels.numpy().reshape(texels.shape)[..., 3]
-        rows = np.array([row.sum(dtype=np.float64) for row in self._weights])
-        self._row_ends = np.cumsum(rows) / max(rows.sum(), 1e-300)
+        self._rows_at_once = max(1, PIXELS_AT_ONCE // self.width)
+        blocks = np.array(
+            [block.sum(dtype=np.float64) for block in map(self._block, range(-(-self.height // self._rows_at_once)))]
+        )
+        self._block_ends = np.cumsum(blocks) / max(blocks.sum(), 1e-300)
 
     def radiance_and_pdf(self, direction: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
         """M(w) and the density ``p_map(w)`` per unit solid angle at the capture point.
@@ -87,7 +91,7 @@ class MapDistribution:
         row = dr.clip(mi.Int32(v * self.height), 0, self.height - 1)
         return mi.UInt32(row * self.width + column)
 
-    def sample(self, count: int, generator: np.random.Generator) -> tuple[NDArray[np.float32], mi.Vector3f]:
+    def sample(self, count: int, generator: np.random.Generator) -> tuple[NDArray[np.int64], mi.Vector3f]:
         """Draw directions in proportion to radiance, stratified along the pixels' order.
 
         Args:
@@ -98,18 +102,18 @@ class MapDistribution:
             ``(pixel centres' indices, unit directions in light space)`` of length ``count``.
         """
         positions = (np.arange(count) + generator.random()) / count
-        row, column = np.empty(count, np.int64), np.empty(count, np.int64)
-        stops = np.searchsorted(positions, self._row_ends)
+        index = np.empty(count, np.int64)
+        stops = np.searchsorted(positions, self._block_ends)
         stops[-1] = count
-        begin, row_begin = 0, 0.0
-        for number, (stop, row_end) in enumerate(zip(stops, self._row_ends, strict=True)):
+        begin, block_begin = 0, 0.0
+        for number, (stop, block_end) in enumerate(zip(stops, self._block_ends, strict=True)):
             if stop > begin:
-                within = (positions[begin:stop] - row_begin) / max(row_end - row_begin, 1e-300)
-                ends = np.cumsum(self._weights[number], dtype=np.float64)
-                row[begin:stop] = number
-                column[begin:stop] = np.minimum(np.searchsorted(ends, within * ends[-1], "right"), self.width - 1)
-            begin, row_begin = stop, row_end
-        index = row * self.width + column
+                within = (positions[begin:stop] - block_begin) / max(block_end - block_begin, 1e-300)
+                ends = np.cumsum(self._block(number), dtype=np.float64)
+                found = np.minimum(np.searchsorted(ends, within * ends[-1], "right"), ends.size - 1)
+                index[begin:stop] = number * self._rows_at_once * self.width + found
+            begin, block_begin = stop, block_end
+        row, column = np.divmod(index, self.width)
         tent = generator.random((4, count), dtype=np.float32)
         u = (column + 0.5 + (tent[0] + tent[1] - 1.0)) / self.width
         v = (row + 0.5 + (tent[2] + tent[3] - 1.0)) / self.height
@@ -117,6 +121,11 @@ class MapDistribution:
         v = np.where(v < 0.0, -v, np.where(v > 1.0, 2.0 - v, v))
         u = np.mod(np.where(over_pole, u + 0.5, u), 1.0)
         return index, latlong_to_direction(mi.Float(aligned(u)), mi.Float(aligned(v)))
+
+    def _block(self, number: int) -> NDArray[np.float32]:
+        """Weights of some rows: the sums over a whole large panorama would take as much memory as the panorama."""
+        first = number * self._rows_at_once
+        return self._weights[first : first + self._rows_at_once]
 
     def _interpolate(self, u: mi.Float, v: mi.Float) -> mi.Vector4f:
         x, y = u * self.width - 0.5, v * self.height - 0.5
