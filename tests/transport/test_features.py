@@ -113,6 +113,20 @@ def test_a_synthetic_lamp_lights_the_real_floor_as_the_closed_form_says():
     check_lamp_on_floor(flat(*LAMP, Emitter(type="emitter", radiance=(40.0, 40.0, 40.0))), 40.0, 0.02)
 
 
+def test_a_glowing_ball_lights_the_floor_right_up_to_where_it_stands():
+    radiance, radius, centre = 300.0, 0.1, np.array([0.1, 0.2, 0.101])
+    scene = floor_and_walls(objects=[ball(Emitter(type="emitter", radiance=(radiance,) * 3), centre, radius)])
+    frame = lightdepth.render(scene, "down", samples=128)
+    offset = centre - seen_points(scene)
+    distance = np.linalg.norm(offset, axis=-1)
+    expected = FLOOR_RADIANCE * (radiance - 1) * (radius / distance) ** 2 * offset[..., 2] / distance
+    free = (frame.coverage == 0) & (distance > 1.5 * radius)
+    for near, far in ((1.5, 2.5), (2.5, 4.0), (4.0, 8.0)):
+        ring = free & (distance > near * radius) & (distance < far * radius)
+        assert ring.sum() > 20
+        assert frame.change.mean(axis=2)[ring].mean() == pytest.approx(expected[ring].mean(), rel=0.03)
+
+
 def test_an_emissive_gltf_lights_the_real_floor_just_so(tmp_path):
     material = {
         "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1], "roughnessFactor": 1.0},

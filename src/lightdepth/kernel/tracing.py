@@ -16,6 +16,8 @@ from lightdepth.kernel.shapes import mesh_shape
 
 RAY_EPSILON = 1e-4
 """Offset of a ray's origin from the surface it leaves, relative to ``1 + |p|``."""
+SHADOW_RAY_END = 0.999
+"""Where shadow rays end, as a share of the way to the light."""
 
 
 @dataclass
@@ -152,11 +154,35 @@ def leave(
         direction: unit vector.
         length: where the ray ends, metres.
     """
-    offset = RAY_EPSILON * (1.0 + dr.max(dr.abs(point)))
-    origin = dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
-    ray = mi.Ray3f(origin, direction)
+    ray = mi.Ray3f(_beside(point, normal, direction), direction)
     ray.maxt = length
     return ray
+
+
+def shadow_ray(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, distance: mi.Float) -> mi.Ray3f:
+    """A ray that leaves a surface and ends just before a light.
+
+    It starts beside the surface and still ends at the light: a near one would hide itself from a ray that runs beside
+    its line.
+
+    Args:
+        point: on the surface, world, metres.
+        normal: of the surface, either side.
+        direction: from the point to the light, unit, world.
+        distance: from the point to the light, metres, inf for sky.
+    """
+    origin = _beside(point, normal, direction)
+    offset = dr.fma(direction, distance, point) - origin
+    length = dr.norm(offset)
+    finite = dr.isfinite(distance)
+    ray = mi.Ray3f(origin, dr.select(finite, offset * dr.rcp(dr.maximum(length, 1e-20)), direction))
+    ray.maxt = dr.select(finite, length * SHADOW_RAY_END, dr.inf)
+    return ray
+
+
+def _beside(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f) -> mi.Point3f:
+    offset = RAY_EPSILON * (1.0 + dr.max(dr.abs(point)))
+    return dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
 
 
 def _scene(shapes: dict[str, mi.Shape], robust: bool = False) -> mi.Scene:

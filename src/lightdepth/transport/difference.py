@@ -16,11 +16,11 @@ import drjit as dr
 import mitsuba as mi
 
 from lightdepth.kernel.real_surfaces import FaceKind
-from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit
+from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit, shadow_ray
 from lightdepth.scene.model import Gloss
 from lightdepth.transport.bounds import Cones, ObjectBounds
 from lightdepth.transport.integrator import CameraSamples, Integrator
-from lightdepth.transport.place import SHADOW_RAY_END, LightSample, Place
+from lightdepth.transport.place import LightSample, Place
 from lightdepth.transport.randoms import Randoms
 from lightdepth.transport.recovered_albedo import reflectance
 from lightdepth.transport.support import SpecularLobes, SupportScattering
@@ -388,8 +388,8 @@ class DifferenceIntegrator(Integrator):
             inverted: which count where they are blocked.
             active: which are wanted.
         """
-        shadow_ray = leave(vertex.point, vertex.normal, direction, distance * SHADOW_RAY_END)
-        passed = self._transmittance(shadow_ray, active)
+        ray = shadow_ray(vertex.point, vertex.normal, direction, distance)
+        passed = self._transmittance(ray, active)
         share = dr.select(inverted, passed - 1.0, passed)
         if self.has_relit:
             share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)
@@ -397,7 +397,7 @@ class DifferenceIntegrator(Integrator):
             tested = active & (share != 0.0)
             if self.place.infinite:
                 tested &= ~from_map
-            share = dr.select(self.surfaces.real.ray_test(shadow_ray, coherent=False, active=tested), 0.0, share)
+            share = dr.select(self.surfaces.real.ray_test(ray, coherent=False, active=tested), 0.0, share)
         return share & active
 
     def _transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from lightdepth.directions import pixel_solid_angles
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
-from lightdepth.kernel.tracing import TracedSurfaces, leave
+from lightdepth.kernel.tracing import TracedSurfaces, leave, shadow_ray
 from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
 from lightdepth.scene.model import Panorama, Scene
@@ -184,8 +184,6 @@ class EnvpathIntegrator(Integrator):
             number = dr.select(first, randoms.spread("light")[0], randoms.next(active))
             light = self.place.light(number, active)
             direction, distance, pdf = self.place.toward(light, point)
-            shadow_ray = leave(point, normal, direction)
-            real_end = dr.select(light.finite, distance * 0.999, dr.inf)
 
             # Eq. 5 with the luminance that eq. 7 weights by (1); light and measure are those of the capture point (2).
             from_capture = dr.select(light.finite, dr.normalize(light.place - self._capture), light.place)
@@ -198,11 +196,11 @@ class EnvpathIntegrator(Integrator):
             value, bsdf_pdf = bsdf.eval_pdf(context, si, si.to_local(direction), on_synthetic)
             value *= light.radiance / dr.maximum(pdf + bsdf_pdf, 1e-20)
             useful = (direct_support & (light_pdf > 0.0)) | (on_synthetic & (pdf > 0.0))
-            shadow_ray.maxt = real_end
-            blocked = self.surfaces.synthetic.ray_test(shadow_ray, coherent=False, active=useful)
-            shadow_ray.maxt = dr.inf
+            toward_light = shadow_ray(point, normal, direction, distance)
+            blocked = self.surfaces.synthetic.ray_test(toward_light, coherent=False, active=useful)
             # Table 1: from synthetic points, what lies on support or behind it comes along sampled paths.
-            behind = self.surfaces.first_real(shadow_ray, useful & on_synthetic & ~blocked)
+            beyond = leave(point, normal, direction)
+            behind = self.surfaces.first_real(beyond, useful & on_synthetic & ~blocked)
             blocked |= on_synthetic & behind.valid & (behind.kind != int(FaceKind.ENVIRONMENT))
             value = dr.select(on_synthetic, value, value_support)
             radiance += dr.select(useful & ~blocked, throughput * value, 0.0)

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned
-from lightdepth.kernel.tracing import leave
-from lightdepth.transport.place import LIGHT_SAMPLES, SHADOW_RAY_END, Place
+from lightdepth.kernel.tracing import leave, shadow_ray
+from lightdepth.transport.place import LIGHT_SAMPLES, Place
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
 LANES = 1 << 21
@@ -125,7 +125,7 @@ def _scattered(
     scattered, pdf = lobe.evaluate(direction)
     useful = (dr.max(scattered) > 0.0) & (pdf_light > 0.0)
     if not place.infinite and place.surfaces.has_real:
-        ray = leave(point, normal, direction, distance * SHADOW_RAY_END)
+        ray = shadow_ray(point, normal, direction, distance)
         useful &= ~place.surfaces.real.ray_test(ray, coherent=False, active=useful)
     value = dr.select(useful, light.radiance * scattered / (pdf_light + pdf), 0.0)
 

@@ -24,8 +24,6 @@ from lightdepth.scene.model import Panorama
 
 LIGHT_SAMPLES = 1 << 18
 """Light samples drawn at once; every path of a pass picks among them."""
-SHADOW_RAY_END = 0.999
-"""Share of the way to a light sample that must be free: the sample's own surface must not count as in front of it."""
 DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
 
