@@ -50,7 +50,7 @@ def render(
         denoise: denoise the change and the synthetic layer.
         progress: called after every pass; where it returns true, the rendering stops with what it has.
         draft: a quick look: one noisy sample a pixel, if ``samples`` does not say otherwise, and shadows whose strength is
-            known to some percent.
+            known to some percent; object ids, depth, normals and albedo only where ``denoise`` needs them.
 
     Returns:
         The image with its layers.
@@ -62,7 +62,7 @@ def render(
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
     rendering = begin_rendering(scene, camera, method, seed, device, draft=draft)
-    frame = rendering.complete(samples, noise, progress)
+    frame = rendering.complete(samples, noise, progress, auxiliary=denoise or not draft)
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
 

@@ -40,13 +40,16 @@ def render(
     method: Annotated[str, typer.Option(help="difference | envpath | directional")] = "difference",
     device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
     denoise: Annotated[bool, typer.Option("--denoise", help="Denoise the change and the new objects only.")] = False,
-    draft: Annotated[bool, typer.Option("--draft", help="A quick look: one sample, light known roughly.")] = False,
+    draft: Annotated[
+        bool, typer.Option("--draft", help="A quick look: one sample, light known roughly, no layers.")
+    ] = False,
     exposure: Annotated[
         float | None, typer.Option(help="Exposure of the PNG in stops; from the photograph by default.")
     ] = None,
     layers: Annotated[
-        str, typer.Option(help="Layers to write beside the picture, comma-separated; 'all' or 'none'.")
-    ] = "all",
+        str | None,
+        typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
+    ] = None,
     repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
     progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is told.")] = "bar",
     preview_seconds: Annotated[
@@ -61,11 +64,12 @@ def render(
     Example: lightdepth render examples/lounge/scene.toml --camera view -o out/view.exr --samples 64
     """
     from lightdepth.api import begin_rendering, forget_prepared, load_scene
-    from lightdepth.film.layers import LAYERS
+    from lightdepth.film.layers import AUXILIARY, LAYERS
     from lightdepth.packages import require_package
 
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
+    layers = layers or ("none" if draft else "all")
     chosen = {"all": None, "none": []}.get(layers, [layer.strip() for layer in layers.split(",")])
     unknown = [layer for layer in chosen or [] if layer not in LAYERS]
     if unknown:
@@ -80,7 +84,12 @@ def render(
             teller.say("preparing")
             begin = partial(begin_rendering, loaded, name, method, seed, device, teller.warn, draft)
             show = partial(_show, teller, target, exposure)
-            frame, panoramic = _rendered(begin, samples, noise, teller, interruption, show, preview_seconds)
+            auxiliary = denoise or chosen is None or not AUXILIARY.isdisjoint(chosen)
+
+            def complete(rendering: Rendering, watch: Callable[[Step], bool]) -> Frame:
+                return rendering.complete(samples, noise, watch, auxiliary)
+
+            frame, panoramic = _rendered(begin, complete, teller, interruption, show, preview_seconds)
             interrupted = interruption.asked
             forget_prepared()  # To write a large picture takes memory as well.
             if denoise:
@@ -101,8 +110,7 @@ def render(
 
 def _rendered(
     begin: Callable[[], Rendering],
-    samples: int | None,
-    noise: float | None,
+    complete: Callable[[Rendering, Callable[[Step], bool]], Frame],
     teller: _Teller,
     interruption: _Interruption,
     show: Callable[[Rendering], None],
@@ -112,8 +120,7 @@ def _rendered(
 
     Args:
         begin: begins to render.
-        samples: as for the command; so is ``noise``.
-        noise: relative error.
+        complete: takes all samples, telling of each pass.
         teller: told how far the rendering is.
         interruption: ends it from here on.
         show: shows the unfinished picture.
@@ -132,7 +139,7 @@ def _rendered(
         return interruption.asked
 
     with teller:
-        return rendering.complete(samples, noise, watch), rendering.panoramic
+        return complete(rendering, watch), rendering.panoramic
 
 
 def _show(teller: _Teller, target: Path, exposure: float | None, rendering: Rendering) -> None:

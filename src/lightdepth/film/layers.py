@@ -28,6 +28,8 @@ LAYERS: dict[str, tuple[str, type[np.generic]]] = {
     "samples": ("samples", np.uint32),
 }
 """Channels and pixel type of each layer of a frame. Half floats only where nobody could see the difference."""
+AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo"})
+"""Those that take time of their own, see ``lightdepth.film.auxiliary``."""
 PART_NAMES = {"coverage": "alpha"}
 """Names of parts that are not the layer's own."""
 REQUIRED = ("plate", "change", "synthetic", "coverage")

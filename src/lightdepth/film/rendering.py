@@ -111,6 +111,7 @@ class Rendering:
         samples: int | None = None,
         noise: float | None = None,
         progress: Callable[[Progress], bool | None] | None = None,
+        auxiliary: bool = True,
     ) -> Frame:
         """Take all samples and give the image; the rendering gives its memory to it and cannot go on.
 
@@ -118,12 +119,13 @@ class Rendering:
             samples: as for :meth:`run`; the scene's own setting by default.
             noise: as for :meth:`run`; the scene's own setting by default.
             progress: told after every pass; where it returns true, the image is that of the samples so far.
+            auxiliary: with object ids, depth, normals and albedo as well.
         """
         settings = self._scene.render
         for step in self.run(samples or settings.samples, settings.noise if noise is None else noise):
             if progress is not None and progress(step):
                 break
-        return self.frame(finish=True)
+        return self.frame(auxiliary, finish=True)
 
     def frame(self, auxiliary: bool = True, finish: bool = False) -> Frame:
         """The image so far.
