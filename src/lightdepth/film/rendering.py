@@ -27,7 +27,7 @@ from lightdepth.transport.randoms import begin_path
 LANES = 1 << 21
 """Paths followed at once; more gain no speed and cost memory."""
 PILOT_SAMPLES = 16
-"""Samples that every pixel gets before the rest is spent where the error is."""
+"""Samples that every pixel gets, at most half of all, before the rest is spent where the error is."""
 QUANTUM = 4
 """Further samples come in multiples of this."""
 MOST_SHARE = 16
@@ -95,7 +95,7 @@ class Rendering:
         start = time.monotonic()
         total = samples * len(self.pixels)
         done = 0
-        wanted = np.full(len(self.pixels), min(PILOT_SAMPLES, samples), np.int32)
+        wanted = np.full(len(self.pixels), _pilot(samples), np.int32)
         while wanted.any():
             for slots, per_pixel in _passes(wanted):
                 self._sample(slots, per_pixel)
@@ -201,7 +201,7 @@ class Rendering:
         spent = int(taken.sum(dtype=np.int64))
         if noise is None:
             left = samples * taken.size - spent
-            if left < QUANTUM * taken.size / 64 or taken.max(initial=0) > PILOT_SAMPLES:
+            if left < QUANTUM * taken.size / 64 or taken.max(initial=0) > _pilot(samples):
                 return np.zeros(taken.size, np.int32), spent
             more = self._smoothed(self._accumulator.relative_errors(self._dark))
             more *= left / max(float(more.sum(dtype=np.float64)), 1e-30)
@@ -261,10 +261,15 @@ class Rendering:
         dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
 
 
+def _pilot(samples: int) -> int:
+    """Samples that every pixel gets of ``samples`` a pixel; few ones are not worth dividing."""
+    return min(samples, max(QUANTUM, min(PILOT_SAMPLES, samples // 2)))
+
+
 def _passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.uint32], int]]:
     """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each)."""
     left = wanted.copy()
-    for per_pixel in (64, 16, QUANTUM, 1):
+    for per_pixel in (64, 32, 16, 8, QUANTUM, 1):
         while len(slots := np.flatnonzero(left >= per_pixel).astype(np.uint32)):
             for chunk in np.array_split(slots, -(-len(slots) * per_pixel // LANES)):
                 yield chunk, per_pixel
