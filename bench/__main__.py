@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -49,9 +49,7 @@ def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> N
     RESULTS.mkdir(parents=True, exist_ok=True)
     (RESULTS / "cost.json").write_text(json.dumps(costs, indent=1) + "\n")
     for table in costs["tables"]:
-        console.print(f"\n{table['title']}", markup=False)
-        for row in [table["head"], *table["rows"]]:
-            console.print("  " + "   ".join(row), highlight=False, markup=False)
+        _print_table(table)
 
 
 @app.command()
@@ -65,12 +63,22 @@ def truth(
 ) -> None:
     """Any Mitsuba scene as a place: photograph it, insert objects, compare with path tracing it with the objects.
 
+    The figures are printed and kept in bench/results/foreign.json, from where the page takes them.
+
     Example: python -m bench truth --scene living-room/scene_patched.xml --capture 0,1.4,3 --objects 0,0,1.5
     """
-    from bench.foreign import compare
+    from bench.foreign import compare, keep
 
-    for line in compare(scene, _numbers(capture), _numbers(objects) if objects else None, up, width, samples, console):
-        console.print(line, highlight=False, markup=False)
+    stand = _numbers(objects) if objects else None
+    table = compare(scene, _numbers(capture), stand, up, width, samples, console)
+    keep(table)
+    _print_table(table)
+
+
+def _print_table(table: dict[str, Any]) -> None:
+    console.print(f"\n{table['title']}", markup=False)
+    for row in [table["head"], *table["rows"]]:
+        console.print("  " + "   ".join(row), highlight=False, markup=False)
 
 
 def _numbers(text: str) -> tuple[float, float, float]:

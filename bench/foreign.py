@@ -5,6 +5,7 @@ Glossy floors, and windows onto a sky, break the method's one assumption; this s
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -44,6 +45,7 @@ from lightdepth.scene.model import (
 Y_UP_TO_Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """Turns +y into +z and +z into -y."""
 METHODS = ("difference", "directional", "envpath")
+FOREIGN = RESULTS / "foreign.json"
 SPHERE_RINGS = 24
 
 
@@ -55,7 +57,7 @@ def compare(
     width: int,
     samples: int,
     console: Console,
-) -> Iterator[str]:
+) -> dict[str, Any]:
     """Compare the methods with the truth in the scene of a file.
 
     Args:
@@ -67,8 +69,8 @@ def compare(
         samples: camera rays a pixel of the truth; the methods get a sixteenth.
         console: for progress.
 
-    Yields:
-        Lines of a report; the pictures are written to ``bench/results``.
+    Returns:
+        The figures as a table of text, and ``picture``: truth and methods below each other, a file in ``bench/results``.
 
     Raises:
         InputError: the file is missing, ``up`` is no axis, or nothing lies below the place for the objects.
@@ -108,18 +110,31 @@ def compare(
         )
     )
     regions = find_regions(full, empty.mean)
-    pictures = [full.mean]
-    yield f"{path}, capture point {capture}, {width} pixels wide"
+    pictures, rows = [full.mean], []
     for method in METHODS:
+        console.print(method, highlight=False)
         frame = lightdepth.render(scene, camera="panorama", samples=max(16, samples // 16), method=method)
         image = empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
         pictures.append(image)
         for region, values in measure(image, full, regions).items():
-            yield (
-                f"  {method:12} {region:10} {values['pixels']:7} pixels, signed {values['signed']:+.2%}, "
-                f"RMSE {values['rmse']:.2%}, of 8x8 blocks {values['block_rmse']:.2%}"
-            )
-    yield f"  truth and the methods, top to bottom: {_save(pictures, path)}"
+            errors = (f"{values['signed']:+.2%}", f"{values['rmse']:.2%}", f"{values['block_rmse']:.2%}")
+            rows.append([method, region, str(values["pixels"]), *errors])
+    title = (
+        f"{path.resolve().parent.name}, capture point {capture}, {width} pixels wide, {samples} samples for the truth"
+    )
+    head = ["method", "region", "pixels", "signed", "RMSE", "RMSE of 8x8"]
+    return {"title": title, "head": head, "rows": rows, "picture": _save(pictures, path).name}
+
+
+def keep(table: dict[str, Any]) -> None:
+    """Put a table into ``bench/results/foreign.json`` in place of that of the same scene, for the page."""
+    tables = {one["picture"]: one for one in kept()} | {table["picture"]: table}
+    FOREIGN.write_text(json.dumps(list(tables.values()), indent=1) + "\n")
+
+
+def kept() -> list[dict[str, Any]]:
+    """All tables that were kept."""
+    return json.loads(FOREIGN.read_text()) if FOREIGN.is_file() else []
 
 
 def _save(pictures: list[NDArray[np.float64]], path: Path) -> Path:
