@@ -22,7 +22,7 @@ INTERPOLATION_TOLERANCE = 0.01
 NEAR, FAR_TOLERANCE = 0.05, 4.0
 """Below this share of the view that objects fill, the tolerance grows, up to this many times: less depends on it."""
 LEVELS = 6
-MOST_VERTICES = 20_000
+MOST_VERTICES = 40_000
 SHORTEST_EDGE = 0.01
 """Metres; shorter edges are not halved."""
 COARSEST_EDGE = 1 / 10
