@@ -269,7 +269,8 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path) -> Exported:
 
 def options(settings) -> list[str]:
     """Options of ``lightdepth render`` that a scene file has no place for."""
-    return ["--method", settings.method.lower(), *(["--denoise"] if settings.denoise else [])]
+    switches = {"--draft": settings.draft, "--denoise": settings.denoise}
+    return ["--method", settings.method.lower(), *(switch for switch, on in switches.items() if on)]
 
 
 class ExportScene(bpy.types.Operator, ExportHelper):

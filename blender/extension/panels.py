@@ -197,12 +197,15 @@ class RenderPanel(_Rendering, bpy.types.Panel):
     def draw(self, context):
         layout, settings = self.layout, context.scene.lightdepth
         layout.use_property_split = True
-        layout.prop(settings, "samples")
-        row = layout.row(heading="Stop at Noise")
+        layout.prop(settings, "draft")
+        column = layout.column()
+        column.active = not settings.draft
+        column.prop(settings, "samples")
+        row = column.row(heading="Stop at Noise")
         row.prop(settings, "use_noise", text="")
-        column = row.column()
-        column.active = settings.use_noise
-        column.prop(settings, "noise", text="")
+        noise = row.column()
+        noise.active = settings.use_noise
+        noise.prop(settings, "noise", text="")
         layout.prop(settings, "max_bounces")
         layout.prop(settings, "seed")
         layout.prop(settings, "method")

@@ -108,6 +108,10 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     seed: IntProperty(name="Seed", description="The same seed gives the same noise", default=0, min=0)
     method: EnumProperty(name="Method", description="How light is computed", items=METHODS, default="difference")
+    draft: BoolProperty(
+        name="Draft",
+        description="A quick look: one noisy sample for each pixel, and shadows of roughly the right strength",
+    )
     denoise: BoolProperty(name="Denoise", description="Denoise the change and the new objects; never the photograph")
 
 

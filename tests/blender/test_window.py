@@ -61,7 +61,7 @@ def test_clicks_at_whole_pixels_give_the_pose(found, room, editor, degrees, metr
 def test_blender_stays_usable_while_a_renderer_hangs_and_escape_ends_it(found):
     assert found["asked"] == 1
     assert found["asked after Escape"] == [0, True]
-    assert "Solve Pose: given up" in found["said"]
+    assert "Solve Pose: given up" in found["told after Escape"]
 
 
 def test_what_is_clicked_on_the_floor_is_modelled(found):

@@ -117,7 +117,19 @@ def give_up_on_a_renderer_that_hangs(settings):
     window.press("Escape")
     yield from until(lambda: not tools())
     found["asked after Escape"] = [len(renderers()), settings.residual == before]
+    found["told after Escape"] = reports()
     preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
+
+
+def reports():
+    """What Blender told so far, as its info editor has it."""
+    area = next(area for area in bpy.context.screen.areas if area.type == "DOPESHEET_EDITOR")
+    area.type = "INFO"
+    with bpy.context.temp_override(area=area, region=next(each for each in area.regions if each.type == "WINDOW")):
+        bpy.ops.info.select_all(action="SELECT")
+        bpy.ops.info.report_copy()
+    area.type = "DOPESHEET_EDITOR"
+    return bpy.context.window_manager.clipboard
 
 
 def model(scene):
@@ -167,7 +179,7 @@ def render(scene):
     add_camera(scene, (48, 32), rotation=(1.2, 0.0, 0.0))
     scene.render.engine = "LIGHTDEPTH"
     settings = scene.lightdepth
-    settings.samples, settings.max_bounces = 2, 3
+    settings.draft, settings.max_bounces = True, 3
     window.press("F12")
     yield from until(is_rendering)
     yield from until(lambda: not is_rendering())
@@ -175,7 +187,7 @@ def render(scene):
     found["renderers after"] = renderers()
     window.press("Escape")  # back from the render result to what the editor was
     yield from drawn()
-    settings.samples = 1_000_000
+    settings.draft, settings.samples = False, 1_000_000
     # Another size, so that what is shown is not the picture above.
     scene.render.resolution_x = 40
     window.press("F12")
