@@ -78,8 +78,9 @@ preferences.command = write_program(folder / "stranger", "echo 'Hello, I am a ca
 found["stranger"] = [refused(question) for question in questions]
 # It hangs with a child, and neither listens to the polite signals.
 preferences.command = write_program(folder / "hanging", "trap '' INT TERM; sleep 600 & echo $! >> $0.pids; wait; wait")
-module("process").PATIENCE = 1.0
+patience, module("process").PATIENCE = module("process").PATIENCE, 1.0
 found["hanging"] = [refused(question) for question in questions]
+module("process").PATIENCE = patience
 found["hanging told"] = [line.text for line in preferences.answer]
 found["left hanging"] = [pid for pid in (folder / "hanging.pids").read_text().split() if is_running(pid)]
 preferences.command = str(folder / "not there")
