@@ -85,7 +85,7 @@ found["kept"] = {
 # The kept drivers still follow the capture point.
 settings.capture.location.x = 0.25
 bpy.context.view_layer.update()
-material = bpy.data.objects["Floor"].data.materials[0].evaluated_get(bpy.context.evaluated_depsgraph_get())
+material = bpy.data.objects["Floor"].material_slots[0].material.evaluated_get(bpy.context.evaluated_depsgraph_get())
 found["driven"] = [
     node.inputs["Location"].default_value[0]
     for node in material.node_tree.nodes
