@@ -116,7 +116,7 @@ def test_no_renderer_is_left_behind(blender, tmp_path, number):
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         try:
-            deadline = time.monotonic() + 120
+            deadline = time.monotonic() + 300
             while not list(tmp_path.glob("*/picture.exr")) and time.monotonic() < deadline:
                 time.sleep(0.1)  # until it is in the middle of its work
             renderers = _processes(ppid=process.pid)

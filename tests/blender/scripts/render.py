@@ -82,7 +82,6 @@ patience, module("process").PATIENCE = module("process").PATIENCE, 1.0
 found["hanging"] = [refused(question) for question in questions]
 module("process").PATIENCE = patience
 found["hanging told"] = [line.text for line in preferences.answer]
-found["left hanging"] = [pid for pid in (folder / "hanging.pids").read_text().split() if is_running(pid)]
 preferences.command = str(folder / "not there")
 found["missing"] = refused(bpy.ops.render.render)
 found["missing for the test"] = refused(bpy.ops.lightdepth.test_renderer)
@@ -97,4 +96,5 @@ found["stereoscopy"] = refused(bpy.ops.render.render)
 scene.render.use_multiview = False
 bpy.ops.lightdepth.test_renderer()
 found["doctor"] = [line.text for line in preferences.answer]
+found["left hanging"] = [pid for pid in (folder / "hanging.pids").read_text().split() if is_running(pid)]
 answer(**found)
