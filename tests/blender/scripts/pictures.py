@@ -148,7 +148,6 @@ def model(scene):
     view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.6) @ Quaternion((1.0, 0.0, 0.0), 0.9)
     with bpy.context.temp_override(**where):
         bpy.ops.lightdepth.show_roles()
-    where["area"].spaces.active.shading.show_backface_culling = True
     yield DRAWN
     window.picture(folder / "roles.png")
 
