@@ -189,8 +189,9 @@ def render(scene):
     bpy.context.view_layer.objects.active = dome
     yield DRAWN
     properties.spaces.active.context = "DATA"
-    window.scroll_sidebar(where, 40)
-    yield 2 * DRAWN
+    for _ in range(4):  # as far as it is drawn, each time
+        window.scroll_sidebar(where, 15)
+        yield DRAWN
     window.picture(folder / "cameras.png")
     bpy.data.objects.remove(dome)
     scene.camera, (scene.render.resolution_x, scene.render.resolution_y) = camera, size
