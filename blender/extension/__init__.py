@@ -19,9 +19,23 @@ from . import (
     properties,
     rest,
     roles,
+    viewpoints,
 )
 
-_MODULES = (properties, preferences, panorama, roles, rest, calibration, modelling, export, checking, engine, panels)
+_MODULES = (
+    properties,
+    preferences,
+    panorama,
+    roles,
+    rest,
+    calibration,
+    modelling,
+    viewpoints,
+    export,
+    checking,
+    engine,
+    panels,
+)
 
 
 def register() -> None:

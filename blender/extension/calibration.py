@@ -1,7 +1,6 @@
 """The panorama's pose from four clicked corners of a floor rectangle, solved by ``lightdepth calibrate``."""
 
 import math
-import tempfile
 from pathlib import Path
 from typing import ClassVar
 
@@ -9,8 +8,8 @@ import bpy
 from mathutils import Euler, Vector
 
 from . import panorama, picking
-from .preferences import renderer_command
-from .process import RendererError, run_json
+from .asking import Asks
+from .process import Question
 from .properties import show_lines
 
 GRID_NAME = "Floor grid"
@@ -79,7 +78,7 @@ class ClickCorners(picking.Clicks, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class Calibrate(bpy.types.Operator):
+class Calibrate(Asks, bpy.types.Operator):
     """Solve the panorama's pose from the clicked corners and the known length"""
 
     bl_idname = "lightdepth.calibrate"
@@ -92,16 +91,19 @@ class Calibrate(bpy.types.Operator):
         settings = context.scene.lightdepth
         return settings.image is not None and settings.capture is not None and len(settings.corners) == CORNERS
 
-    def execute(self, context):
-        """Run ``lightdepth calibrate`` and stand the capture point where it says."""
+    def arguments(self, context, folder: Path):
+        """Those of ``lightdepth calibrate`` for the clicked corners; a packed panorama is written into the folder."""
         settings = context.scene.lightdepth
-        try:
-            with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
-                pose = run_json(renderer_command(), arguments(settings, Path(folder)), _pose)
-        except (RendererError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        position, rotation, residual, warnings = pose
+        width, height = settings.image.size
+        corners = " ".join(f"{corner.u * width:.3f},{corner.v * height:.3f}" for corner in settings.corners)
+        length = {"WIDTH": "--width", "LENGTH": "--length", "CAMERA": "--camera-height"}[settings.known]
+        path = panorama.file_of(settings.image, folder)
+        return ["calibrate", str(path), "--rectangle", corners, length, f"{settings.known_length:.6g}", "--json"]
+
+    def take(self, context, question: Question):
+        """Stand the capture point where the renderer says, and lay a grid on the floor."""
+        position, rotation, residual, warnings = question.json(_pose)
+        settings = context.scene.lightdepth
         settings.capture.rotation_mode = "XYZ"
         settings.capture.location = position
         settings.capture.rotation_euler = rotation
@@ -111,7 +113,6 @@ class Calibrate(bpy.types.Operator):
         for warning in warnings:
             self.report({"WARNING"}, warning)
         self.report({"INFO"}, f"Pose solved, residual {residual:.2f} degrees")
-        return {"FINISHED"}
 
 
 def _pose(solved: dict) -> tuple[Vector, Euler, float, list[str]]:
@@ -119,15 +120,6 @@ def _pose(solved: dict) -> tuple[Vector, Euler, float, list[str]]:
     rotation = Euler([math.radians(angle) for angle in solved["rotation"]], "XYZ")
     warnings = [str(text) for text in solved.get("warnings", [])]
     return Vector(solved["position"]), rotation, float(solved["residual"]), warnings
-
-
-def arguments(settings, folder: Path) -> list[str]:
-    """Arguments of ``lightdepth calibrate`` for the clicked corners; a packed panorama is written into the folder."""
-    width, height = settings.image.size
-    corners = " ".join(f"{corner.u * width:.3f},{corner.v * height:.3f}" for corner in settings.corners)
-    length = {"WIDTH": "--width", "LENGTH": "--length", "CAMERA": "--camera-height"}[settings.known]
-    path = panorama.file_of(settings.image, folder)
-    return ["calibrate", str(path), "--rectangle", corners, length, f"{settings.known_length:.6g}", "--json"]
 
 
 def show_grid(context) -> None:

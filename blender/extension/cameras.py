@@ -111,11 +111,16 @@ def _perspective(item, width, height):
 
 
 def _focus_distance(item) -> float:
-    target = item.data.dof.focus_object
+    """Metres along the camera's axis to what is in focus, as Blender measures it."""
+    focus = item.data.dof
+    target = focus.focus_object
     if target is None:
-        return item.data.dof.focus_distance
+        return focus.focus_distance
+    place = target.matrix_world
+    if target.pose is not None and focus.focus_subtarget in target.pose.bones:
+        place = place @ target.pose.bones[focus.focus_subtarget].matrix
     axis = item.matrix_world.to_quaternion() @ Matrix.Identity(3).col[2]
-    return abs((item.matrix_world.translation - target.matrix_world.translation).dot(axis))
+    return max(abs((item.matrix_world.translation - place.translation).dot(axis)), 1e-5)
 
 
 def _panoramic(name, camera, width, height):

@@ -1,6 +1,5 @@
 """Holes in the modelled place, found by ``lightdepth check`` and shown in red."""
 
-import tempfile
 from pathlib import Path
 from typing import ClassVar
 
@@ -8,10 +7,10 @@ import bpy
 from mathutils.bvhtree import BVHTree
 
 from . import picking, roles
-from .evaluation import EvaluationError, with_render_depsgraph
-from .export import ExportError, export_scene
-from .preferences import renderer_command
-from .process import RendererError, run_json
+from .asking import Asks
+from .evaluation import with_render_depsgraph
+from .export import export_scene
+from .process import Question
 from .properties import show_lines
 
 HOLES_NAME = "Holes"
@@ -20,7 +19,7 @@ CELLS = 64
 """Rows of cells on the sphere of directions; there are twice as many columns."""
 
 
-class Check(bpy.types.Operator):
+class Check(Asks, bpy.types.Operator):
     """Look for directions from the capture point that hit no modelled surface"""
 
     bl_idname = "lightdepth.check"
@@ -33,28 +32,25 @@ class Check(bpy.types.Operator):
         settings = context.scene.lightdepth
         return settings.image is not None and settings.capture is not None
 
-    def execute(self, context):
-        """Export the scene, run ``lightdepth check`` and show what it found."""
-        settings = context.scene.lightdepth
+    def arguments(self, context, folder: Path):
+        """Those of ``lightdepth check`` for the exported scene; the holes are looked for in the same evaluation."""
+        settings, path = context.scene.lightdepth, folder / "scene.toml"
 
         def look(depsgraph):
             export_scene(depsgraph, path)
             return [] if settings.sky else hole_cells(depsgraph, settings)
 
-        try:
-            with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
-                path = Path(folder) / "scene.toml"
-                cells = with_render_depsgraph(context, look)
-                coverage, problems = run_json(renderer_command(), ["check", str(path), "--json"], _findings)
-        except (RendererError, ExportError, EvaluationError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        settings.coverage = coverage
+        self._cells = with_render_depsgraph(context, look)
+        return ["check", str(path), "--json"]
+
+    def take(self, context, question: Question):
+        """Show what was found."""
+        settings = context.scene.lightdepth
+        settings.coverage, problems = question.json(_findings)
         show_lines(settings.check_notes, problems)
-        show_holes(context, cells)
+        show_holes(context, self._cells)
         for problem in problems:
             self.report({"WARNING"}, problem)
-        return {"FINISHED"}
 
 
 def _findings(found: dict) -> tuple[float, list[str]]:

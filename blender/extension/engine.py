@@ -8,10 +8,11 @@ import bpy
 import numpy as np
 
 from . import evaluation, exr, passes
+from .asking import renderer_command
 from .cameras import CameraError, resolution
 from .export import Exported, ExportError, export_scene, options
-from .preferences import renderer_command
 from .process import RendererError, Rendering
+from .properties import show_lines
 
 PREVIEW_SECONDS = 2
 PATIENCE_AFTER_INTERRUPT = 10.0
@@ -51,9 +52,13 @@ class LightdepthEngine(bpy.types.RenderEngine):
             raise ExportError("Stereoscopy is not carried: switch it off in the output properties")
         command = renderer_command()
         self.update_stats("", "Exporting the scene")
-        exported: Exported | None = evaluation.on_main_thread(
-            lambda: export_scene(depsgraph, folder / "scene.toml"), self.test_break
-        )
+
+        def export() -> Exported:
+            exported = export_scene(depsgraph, folder / "scene.toml")
+            show_lines(depsgraph.scene.lightdepth.export_notes, exported.notes)
+            return exported
+
+        exported: Exported | None = evaluation.on_main_thread(export, self.test_break)
         if exported is None:
             return
         for note in exported.notes:

@@ -181,16 +181,19 @@ def _instances(depsgraph) -> Iterator[tuple[Any, Matrix, bool]]:
             yield instance.object, instance.matrix_world.copy(), instance.is_instance
 
 
-def require_panorama(settings) -> None:
+def require_panorama(scene) -> None:
     """Refuse a scene without a photograph.
 
     Raises:
         ExportError: there is no panorama, or it has no capture point.
     """
-    if settings.image is None:
+    if scene.lightdepth.image is None:
         raise ExportError("There is no panorama: load one in the sidebar of the 3D viewport, tab lightdepth")
-    if settings.capture is None:
-        raise ExportError("The panorama has no capture point: choose an empty in the sidebar, tab lightdepth")
+    if not panorama.has_capture_point(scene):
+        raise ExportError(
+            "The panorama has no capture point, or it was deleted: choose an empty in the sidebar of the 3D viewport, "
+            "tab lightdepth, or load the panorama again"
+        )
 
 
 def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
@@ -239,7 +242,7 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path) -> Exported:
         OSError: a file cannot be written.
     """
     scene = depsgraph.scene_eval
-    require_panorama(scene.lightdepth)
+    require_panorama(scene)
     writer = _Writer(depsgraph, path.parent, path.with_name(f"{path.stem}_meshes"))
     document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
     try:
@@ -266,7 +269,8 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path) -> Exported:
 
 def options(settings) -> list[str]:
     """Options of ``lightdepth render`` that a scene file has no place for."""
-    return ["--method", settings.method.lower(), *(["--denoise"] if settings.denoise else [])]
+    switches = {"--draft": settings.draft, "--denoise": settings.denoise}
+    return ["--method", settings.method.lower(), *(switch for switch, on in switches.items() if on)]
 
 
 class ExportScene(bpy.types.Operator, ExportHelper):
@@ -283,7 +287,7 @@ class ExportScene(bpy.types.Operator, ExportHelper):
         settings = context.scene.lightdepth
         path = Path(bpy.path.abspath(self.filepath))
         try:
-            require_panorama(settings)
+            require_panorama(context.scene)
             exported = with_render_depsgraph(context, lambda depsgraph: export_scene(depsgraph, path))
         except (ExportError, EvaluationError, OSError) as error:
             self.report({"ERROR"}, str(error))

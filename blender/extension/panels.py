@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import bpy
 
-from . import calibration, checking, export, modelling, panorama, rest, roles
+from . import calibration, checking, export, modelling, panorama, rest, roles, viewpoints
 from .cameras import panoramic
 from .evaluation import ENGINE
 
@@ -91,8 +91,10 @@ class PlacePanel(_Sidebar, bpy.types.Panel):
         column.operator(modelling.AddTop.bl_idname, icon="MESH_PLANE")
         column = layout.column(align=True)
         column.label(text="Role of what is selected")
+        item = context.object if context.object and context.object.type in export.WITH_SURFACE else None
         for role, name, _, icon, _ in roles.ITEMS:
-            column.operator(roles.SetRole.bl_idname, text=name, icon=icon).role = role
+            active = item is not None and item.select_get() and item.lightdepth.role == role
+            column.operator(roles.SetRole.bl_idname, text=name, icon=icon, depress=active).role = role
         layout.operator(roles.ShowRoles.bl_idname, icon="COLOR")
         column = layout.column(align=True)
         column.operator(rest.StoreRest.bl_idname, icon="PINNED")
@@ -105,15 +107,32 @@ class PlacePanel(_Sidebar, bpy.types.Panel):
         _notes(layout, settings.check_notes, context)
 
 
-class ExportPanel(_Sidebar, bpy.types.Panel):
-    """Export for the command line."""
+class ShootingPanel(_Sidebar, bpy.types.Panel):
+    """Cameras, and the ways to a picture: F12 and the command line."""
 
-    bl_idname = "LIGHTDEPTH_PT_export"
-    bl_label = "Export"
+    bl_idname = "LIGHTDEPTH_PT_shooting"
+    bl_label = "Render"
 
     def draw(self, context):
-        self.layout.operator(export.ExportScene.bl_idname, icon="EXPORT")
-        _notes(self.layout, context.scene.lightdepth.export_notes, context)
+        layout, settings = self.layout, context.scene.lightdepth
+        layout.use_property_split = True
+        layout.prop(context.scene.render, "engine")
+        if context.scene.render.engine != ENGINE:
+            layout.label(text="F12 would use another renderer", icon="ERROR")
+        column = layout.column(align=True)
+        column.label(text="New camera at the capture point")
+        for kind, name, _, icon, _ in viewpoints.ITEMS:
+            column.operator(viewpoints.AddCamera.bl_idname, text=name, icon=icon).kind = kind
+        layout.prop(context.scene, "camera")
+        layout.operator("render.render", text="Render Image", icon="RENDER_STILL")
+        layout.operator(export.ExportScene.bl_idname, icon="EXPORT")
+        if len(settings.export_notes):
+            layout.label(text="Not as in Blender:")
+        _notes(layout, settings.export_notes, context)
+
+
+SEVERITIES = {"error": "CANCEL", "warning": "ERROR"}
+"""Icons of lines that begin with such a word."""
 
 
 def _notes(layout, lines, context) -> None:
@@ -121,8 +140,9 @@ def _notes(layout, lines, context) -> None:
     letters = int((context.region.width - 70) / (LETTER * context.preferences.system.ui_scale))
     for line in lines:
         column = layout.column(align=True)
+        icon = SEVERITIES.get(line.text.partition(":")[0], "INFO")
         for index, text in enumerate(textwrap.wrap(line.text, max(letters, 20))):
-            column.label(text=text, icon="BLANK1" if index else "INFO")
+            column.label(text=text, icon="BLANK1" if index else icon)
 
 
 class ObjectPanel(bpy.types.Panel):
@@ -177,12 +197,15 @@ class RenderPanel(_Rendering, bpy.types.Panel):
     def draw(self, context):
         layout, settings = self.layout, context.scene.lightdepth
         layout.use_property_split = True
-        layout.prop(settings, "samples")
-        row = layout.row(heading="Stop at Noise")
+        layout.prop(settings, "draft")
+        column = layout.column()
+        column.active = not settings.draft
+        column.prop(settings, "samples")
+        row = column.row(heading="Stop at Noise")
         row.prop(settings, "use_noise", text="")
-        column = row.column()
-        column.active = settings.use_noise
-        column.prop(settings, "noise", text="")
+        noise = row.column()
+        noise.active = settings.use_noise
+        noise.prop(settings, "noise", text="")
         layout.prop(settings, "max_bounces")
         layout.prop(settings, "seed")
         layout.prop(settings, "method")
@@ -219,7 +242,7 @@ classes = (
     CalibrationPanel,
     ImageCalibrationPanel,
     PlacePanel,
-    ExportPanel,
+    ShootingPanel,
     ObjectPanel,
     RenderPanel,
     PanoramicLensPanel,

@@ -38,6 +38,12 @@ def file_of(image: bpy.types.Image, folder: Path) -> Path:
     return path
 
 
+def has_capture_point(scene: bpy.types.Scene) -> bool:
+    """Whether the capture point is chosen and was not deleted from the scene since."""
+    capture = scene.lightdepth.capture
+    return capture is not None and capture.name in scene.objects
+
+
 def rebuild(scene: bpy.types.Scene) -> None:
     """Make the world and the projecting materials show the scene's panorama from its capture point."""
     settings = scene.lightdepth
@@ -105,17 +111,23 @@ def _follow(socket, target, channel) -> None:
 
 
 def project_onto(item: bpy.types.Object) -> None:
-    """Let a mesh show the panorama, once there is one."""
+    """Let a mesh show the panorama, once there is one; the materials of its data stay there for later."""
     material = bpy.data.materials.get(SURFACE_NAMES[REST in item.data.attributes])
-    if material is not None and list(item.data.materials) != [material]:
-        item.data.materials.clear()
-        item.data.materials.append(material)
+    if material is None:
+        return
+    if not item.material_slots:
+        item.data.materials.append(None)
+    for slot in item.material_slots:
+        slot.link = "OBJECT"
+        slot.material = material
 
 
 def stop_projecting_onto(item: bpy.types.Object) -> None:
-    """Take the panorama off a mesh."""
-    if any(material is not None and material.name in SURFACE_NAMES.values() for material in item.data.materials):
-        item.data.materials.clear()
+    """Take the panorama off a mesh; its own materials show again."""
+    for slot in item.material_slots:
+        if slot.link == "OBJECT" and slot.material is not None and slot.material.name in SURFACE_NAMES.values():
+            slot.material = None
+            slot.link = "DATA"
 
 
 def show_in(space: bpy.types.SpaceView3D) -> None:
@@ -151,7 +163,7 @@ class LoadPanorama(bpy.types.Operator, ImportHelper):
                 bpy.data.images.remove(image)
             return {"CANCELLED"}
         settings = context.scene.lightdepth
-        if settings.capture is None:
+        if not has_capture_point(context.scene):
             settings.capture = _new_capture_point(context)
         settings.image = image
         context.view_layer.update()  # so that what follows in a script finds the capture point where it is

@@ -2,7 +2,8 @@
 
 import bpy
 
-from .process import RendererError, doctor, find_command
+from .asking import Asks
+from .process import Question
 from .properties import Line, show_lines
 
 
@@ -29,33 +30,28 @@ class Preferences(bpy.types.AddonPreferences):
                 box.label(text=line.text)
 
 
-class TestRenderer(bpy.types.Operator):
+class TestRenderer(Asks, bpy.types.Operator):
     """Ask the renderer how it is installed: lightdepth doctor"""
 
     bl_idname = "lightdepth.test_renderer"
     bl_label = "Test"
 
-    def execute(self, context):
-        """Run the command and show what it prints."""
-        preferences = context.preferences.addons[__package__].preferences
-        try:
-            said = doctor(renderer_command())
-        except RendererError as error:
-            show_lines(preferences.answer, str(error).splitlines())
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        show_lines(preferences.answer, said)
-        self.report({"INFO"}, "The renderer answers")
-        return {"FINISHED"}
+    def arguments(self, context, folder):
+        """Those of ``lightdepth doctor``."""
+        self._show(context, ["The renderer is tested; a first start takes a while. Esc: give up"])
+        return ["doctor"]
 
+    def take(self, context, question: Question):
+        """Show what it printed."""
+        self._show(context, question.text().splitlines())
+        self.report({"INFO"}, "The renderer works")
 
-def renderer_command() -> str:
-    """The path of the renderer's command.
+    def refused(self, context, why):
+        """Show the error in the preferences as well, where the person looks."""
+        self._show(context, why.splitlines())
 
-    Raises:
-        RendererError: it was not found.
-    """
-    return find_command(bpy.context.preferences.addons[__package__].preferences.command.strip())
+    def _show(self, context, lines):
+        show_lines(context.preferences.addons[__package__].preferences.answer, lines)
 
 
 classes = (Preferences, TestRenderer)

@@ -10,14 +10,17 @@ import signal
 import subprocess
 import tempfile
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import IO, Any, Self, TypeVar
 
 COMMAND = "lightdepth"
 Taken = TypeVar("Taken")
 INTERRUPTED = 130
 """Exit status of a renderer that was interrupted and wrote what it had."""
+PATIENCE = 300.0
+"""Seconds after which a renderer that was asked something is no longer waited for."""
 
 
 class RendererError(Exception):
@@ -50,96 +53,34 @@ def find_command(preferred: str) -> str:
     return found
 
 
-def run(command: str, arguments: list[str]) -> str:
-    """Run a short command of the renderer to its end.
+_LEASH = 'exec 3<&0; (cat <&3; kill -KILL -$$) > /dev/null 2>&1 & exec "$0" "$@" < /dev/null 3<&-'
+"""A shell that becomes the command it is given. Beside it waits for the end of a pipe that only Blender holds open, and
+then ends the process group: however Blender ends, be it killed, the renderer ends with it."""
+NOT_FOUND, NOT_STARTABLE = 127, 126
+"""Exit statuses of a shell that could not become the command."""
+
+
+class _Process:
+    """The renderer at work. As a context manager it ends the process and its children on every way out.
 
     Args:
         command: the path of the renderer's command.
         arguments: its arguments, beginning with the subcommand.
-
-    Returns:
-        What it printed on its standard output.
-
-    Raises:
-        RendererError: it could not be started or failed; the message holds its own words.
-    """
-    done = _completed(command, arguments)
-    if done.returncode != 0:
-        raise RendererError(_words(command, done.stderr or done.stdout, done.returncode))
-    return done.stdout
-
-
-def doctor(command: str) -> list[str]:
-    """What ``lightdepth doctor`` says, line by line.
-
-    Raises:
-        RendererError: as :func:`run`, and where another program than the renderer answers.
-    """
-    said = run(command, ["doctor"])
-    if COMMAND not in said:
-        raise RendererError(_not_understood(command, said))
-    return said.splitlines()
-
-
-def run_json(command: str, arguments: list[str], take: Callable[[dict[str, Any]], Taken]) -> Taken:
-    """As :func:`run`, for commands that print one JSON object; what they found may be a reason for them to fail.
-
-    Args:
-        command: the path of the renderer's command.
-        arguments: its arguments, beginning with the subcommand.
-        take: takes what is needed out of the object.
-
-    Returns:
-        What ``take`` returns.
-
-    Raises:
-        RendererError: also when what it printed is not a JSON object, or ``take`` misses something in it.
-    """
-    done = _completed(command, arguments)
-    try:
-        answer = json.loads(done.stdout)
-    except ValueError:
-        answer = None
-    if isinstance(answer, dict):
-        try:
-            return take(answer)
-        except (KeyError, TypeError, ValueError) as error:
-            raise RendererError(
-                f"The answer of '{command}' lacks something ({error}); is it of the extension's version?"
-            ) from error
-    if done.returncode != 0:
-        raise RendererError(_words(command, done.stderr or done.stdout, done.returncode))
-    raise RendererError(_not_understood(command, done.stdout))
-
-
-def _completed(command: str, arguments: list[str]) -> subprocess.CompletedProcess:
-    try:
-        return subprocess.run([command, *arguments], capture_output=True, text=True, errors="replace", check=False)
-    except OSError as error:
-        raise _not_startable(command, error) from error
-
-
-class Rendering:
-    """A running rendering. As a context manager it ends the process and its children on every way out.
-
-    Args:
-        command: the path of the renderer's command.
-        arguments: its arguments, beginning with the subcommand; they must ask for progress as JSON lines.
+        output: where its standard output goes, as for ``subprocess.Popen``.
 
     Raises:
         RendererError: the process cannot be started.
     """
 
-    def __init__(self, command: str, arguments: list[str]):
-        self._command = command
+    def __init__(self, command: str, arguments: list[str], output: IO[str] | int):
+        self.command = command
         # A file, because a pipe that nobody reads would stop the renderer once it is full.
-        self._errors = tempfile.TemporaryFile(mode="w+", errors="replace")  # noqa: SIM115 - lives as long as the process
-        self._interrupted = False
+        self._errors = _file()
         try:
             self._process = subprocess.Popen(
-                [command, *arguments],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
+                ["/bin/sh", "-c", _LEASH, command, *arguments],
+                stdin=subprocess.PIPE,
+                stdout=output,
                 stderr=self._errors,
                 text=True,
                 errors="replace",
@@ -147,17 +88,153 @@ class Rendering:
             )
         except OSError as error:
             self._errors.close()
-            raise _not_startable(command, error) from error
+            raise RendererError(f"The renderer '{command}' cannot be started: {error.strerror or error}") from error
         _running.add(self)
-        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
 
-    def __enter__(self) -> "Rendering":
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
         self.end()
+
+    def end(self) -> None:
+        """End the process group now, whatever it does, and wait until it is gone."""
+        self._signal(signal.SIGKILL)
+        self._process.wait()
+        self._process.stdin.close()
+        self._errors.close()
+        _running.discard(self)
+
+    def _signal(self, number: int) -> None:
+        with contextlib.suppress(ProcessLookupError):  # it and its children have ended by themselves
+            os.killpg(self._process.pid, number)
+
+    def _failure(self, printed: str = "") -> RendererError:
+        """Why it ended with an error: in the renderer's own words; where it said nothing, how it ended."""
+        status = self._process.returncode
+        said = (_all_of(self._errors) or printed).strip()
+        if status in (NOT_FOUND, NOT_STARTABLE):
+            return RendererError(f"The renderer '{self.command}' cannot be started: {said}")
+        if "Traceback (most recent call last)" in said:
+            said = f"The renderer crashed: {said.splitlines()[-1]}"
+        if said:
+            return RendererError(said.removeprefix("error: "))
+        if status < 0:
+            name = signal.Signals(-status).name
+            return RendererError(f"The renderer '{self.command}' was ended by the system ({name}).")
+        return RendererError(f"The renderer '{self.command}' ended with status {status} and said nothing.")
+
+    def _not_understood(self, printed: str) -> RendererError:
+        shown = " ".join(printed.split())
+        shown = shown if len(shown) <= 120 else shown[:120] + "..."
+        return RendererError(
+            f"'{self.command}' answered '{shown}', which is not what {COMMAND} says. "
+            "Is this the right program and version?"
+        )
+
+
+class Question(_Process):
+    """A command of the renderer that answers at its end, like ``check``. Use it as a context manager."""
+
+    def __init__(self, command: str, arguments: list[str]):
+        self._answer = _file()
+        self._words = f"{COMMAND} {arguments[0]}"
+        self._started = time.monotonic()
+        super().__init__(command, arguments, self._answer)
+
+    def end(self) -> None:
+        """As for every process."""
+        super().end()
+        self._answer.close()
+
+    @property
+    def status(self) -> str:
+        """What it is doing, for the person who waits."""
+        return f"{self._words} is working, {time.monotonic() - self._started:.0f} s"
+
+    def is_answered(self) -> bool:
+        """Whether the answer is there.
+
+        Raises:
+            RendererError: the renderer has been asked for too long.
+        """
+        if self._process.poll() is not None:
+            return True
+        if time.monotonic() - self._started > PATIENCE:
+            raise RendererError(f"'{self.command}' did not answer for {PATIENCE:g} seconds; it was ended")
+        return False
+
+    def wait(self) -> None:
+        """Wait for the answer.
+
+        Raises:
+            RendererError: the renderer has been asked for too long.
+        """
+        while not self.is_answered():
+            time.sleep(0.02)
+
+    def text(self) -> str:
+        """The answer of a command that speaks to persons and says the renderer's name.
+
+        Raises:
+            RendererError: the renderer failed, or it was another program that answered.
+        """
+        answer = _all_of(self._answer)
+        if self._process.returncode != 0:
+            raise self._failure(answer)
+        if COMMAND not in answer:
+            raise self._not_understood(answer)
+        return answer
+
+    def json(self, take: Callable[[dict[str, Any]], Taken]) -> Taken:
+        """What is needed of an answer that is one JSON object; what it tells may be a reason for the command to fail.
+
+        Args:
+            take: takes it out of the object.
+
+        Returns:
+            What ``take`` returns.
+
+        Raises:
+            RendererError: the renderer failed, or ``take`` misses something.
+        """
+        text = _all_of(self._answer)
+        try:
+            answer = json.loads(text)
+        except ValueError:
+            answer = None
+        if isinstance(answer, dict):
+            try:
+                return take(answer)
+            except (KeyError, TypeError, ValueError) as error:
+                raise RendererError(
+                    f"The answer of '{self.command}' lacks something ({error}); is it of the extension's version?"
+                ) from error
+        if self._process.returncode != 0:
+            raise self._failure(text)
+        raise self._not_understood(text)
+
+
+class Rendering(_Process):
+    """A running rendering, which tells how far it is. Use it as a context manager.
+
+    Args:
+        command: the path of the renderer's command.
+        arguments: its arguments, beginning with the subcommand; they must ask for progress as JSON lines.
+    """
+
+    def __init__(self, command: str, arguments: list[str]):
+        super().__init__(command, arguments, subprocess.PIPE)
+        self._interrupted = False
+        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def end(self) -> None:
+        """As for every process."""
+        super().end()
+        self._reader.join(timeout=3.0)
+        self._process.stdout.close()
 
     def _read(self) -> None:
         for line in self._process.stdout:
@@ -184,9 +261,8 @@ class Rendering:
                 break
             if line.strip():
                 yield self._event(line)
-        status = self._process.wait()
-        if status not in (0, INTERRUPTED):
-            raise RendererError(_words(self._command, self._error_text(), status))
+        if self._process.wait() not in (0, INTERRUPTED):
+            raise self._failure()
 
     def _event(self, line: str) -> dict:
         try:
@@ -194,12 +270,8 @@ class Rendering:
         except ValueError:
             event = None
         if not isinstance(event, dict) or not isinstance(event.get("event"), str):
-            raise RendererError(_not_understood(self._command, line))
+            raise self._not_understood(line)
         return event
-
-    def _error_text(self) -> str:
-        self._errors.seek(0)
-        return self._errors.read()
 
     def interrupt(self) -> None:
         """Ask the renderer to write what it has and to stop; :meth:`events` goes on until it has.
@@ -210,50 +282,22 @@ class Rendering:
             self._interrupted = True
             self._signal(signal.SIGINT)
 
-    def end(self) -> None:
-        """End the process group now, whatever it does, and wait until it is gone."""
-        self._signal(signal.SIGTERM)
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(timeout=3.0)
-        self._signal(signal.SIGKILL)
-        self._process.wait()
-        self._reader.join(timeout=3.0)
-        self._process.stdout.close()
-        self._errors.close()
-        _running.discard(self)
 
-    def _signal(self, number: int) -> None:
-        with contextlib.suppress(ProcessLookupError):  # it and its children have ended by themselves
-            os.killpg(self._process.pid, number)
+def _file() -> IO[str]:
+    """A file without a name, to be closed by whoever asked for it."""
+    return tempfile.TemporaryFile(mode="w+", errors="replace")
 
 
-_running: set[Rendering] = set()
+def _all_of(file: IO[str]) -> str:
+    file.seek(0)
+    return file.read()
+
+
+_running: set[_Process] = set()
 
 
 @atexit.register
 def end_all() -> None:
-    """End what still renders: Blender quits, or the extension is switched off."""
-    for rendering in list(_running):
-        rendering.end()
-
-
-def _not_startable(command: str, error: OSError) -> RendererError:
-    return RendererError(f"The renderer '{command}' cannot be started: {error.strerror or error}")
-
-
-def _words(command: str, said: str, status: int) -> str:
-    """The renderer's own words; where it said nothing, how it ended."""
-    said = said.strip()
-    if "Traceback (most recent call last)" in said:
-        said = f"The renderer crashed: {said.splitlines()[-1]}"
-    if said:
-        return said.removeprefix("error: ")
-    if status < 0:
-        return f"The renderer '{command}' was ended by the system ({signal.Signals(-status).name})."
-    return f"The renderer '{command}' ended with status {status} and said nothing."
-
-
-def _not_understood(command: str, printed: str) -> str:
-    shown = " ".join(printed.split())
-    shown = shown if len(shown) <= 120 else shown[:120] + "..."
-    return f"'{command}' answered '{shown}', which is not what {COMMAND} says. Is this the right program and version?"
+    """End what still runs: Blender quits, or the extension is switched off."""
+    for process in list(_running):
+        process.end()

@@ -77,8 +77,12 @@ class SceneSettings(bpy.types.PropertyGroup):
     corners: CollectionProperty(
         type=PanoramaPoint, description="Corners of a rectangle on the floor, counter-clockwise"
     )
-    known: EnumProperty(name="Known", items=KNOWN_LENGTHS, default="CAMERA")
-    known_length: FloatProperty(name="Length", default=1.6, min=0.001, soft_max=20.0, unit="LENGTH")
+    known: EnumProperty(
+        name="Known", description="What was measured in the real place", items=KNOWN_LENGTHS, default="CAMERA"
+    )
+    known_length: FloatProperty(
+        name="Length", description="How long that is", default=1.6, min=0.001, soft_max=20.0, unit="LENGTH"
+    )
     residual: FloatProperty(
         name="Residual", description="Error of the solved pose, degrees; -1: not solved", default=-1.0
     )
@@ -95,9 +99,19 @@ class SceneSettings(bpy.types.PropertyGroup):
     noise: FloatProperty(
         name="Noise", description="Estimated relative error to stop at", default=0.02, min=0.0001, max=1.0, precision=4
     )
-    max_bounces: IntProperty(name="Max Bounces", default=8, min=1, soft_max=64)
-    seed: IntProperty(name="Seed", default=0, min=0)
-    method: EnumProperty(name="Method", items=METHODS, default="difference")
+    max_bounces: IntProperty(
+        name="Max Bounces",
+        description="How often light is scattered at most; glass needs many",
+        default=8,
+        min=1,
+        soft_max=64,
+    )
+    seed: IntProperty(name="Seed", description="The same seed gives the same noise", default=0, min=0)
+    method: EnumProperty(name="Method", description="How light is computed", items=METHODS, default="difference")
+    draft: BoolProperty(
+        name="Draft",
+        description="A quick look: one noisy sample for each pixel, and shadows of roughly the right strength",
+    )
     denoise: BoolProperty(name="Denoise", description="Denoise the change and the new objects; never the photograph")
 
 
@@ -112,7 +126,14 @@ class ObjectSettings(bpy.types.PropertyGroup):
         update=lambda self, context: roles.show_role(self.id_data),
     )
     use_gloss: BoolProperty(name="Gloss", description="The real surface also mirrors the new objects")
-    roughness: FloatProperty(name="Roughness", default=0.2, min=0.0, max=1.0, subtype="FACTOR")
+    roughness: FloatProperty(
+        name="Roughness",
+        description="0 mirrors sharply, 1 hardly at all",
+        default=0.2,
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+    )
     specular: FloatProperty(
         name="Specular", description="0.5 mirrors 4 %", default=0.5, min=0.0, max=1.0, subtype="FACTOR"
     )

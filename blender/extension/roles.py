@@ -88,6 +88,7 @@ class ShowRoles(bpy.types.Operator):
                 if item.type not in WITHOUT_SURFACE:
                     item.color = COLOURS[item.lightdepth.role]
             shading.type, shading.color_type = "SOLID", "OBJECT"
+            shading.show_backface_culling = True  # walls look inside: from outside one looks into the room
         return {"FINISHED"}
 
 

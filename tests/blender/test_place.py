@@ -17,8 +17,8 @@ def test_the_place_is_modelled_kept_and_undone(blender, tmp_path):
     roles = {"Walls": "ENVIRONMENT", "Floor": "SUPPORT", "Box": "ENVIRONMENT", "Box top": "SUPPORT"}
     assert found["roles"] == roles | {"Cube": "SUPPORT", "Cube.001": "SUPPORT"}
     assert found["colours"]["Floor"] == found["colours"]["Cube"] != found["colours"]["Walls"]
-    assert found["projected"] == ["lightdepth projection"]
-    assert found["not projected"] == []
+    assert found["projected"] == [["lightdepth projection"]] * 2
+    assert found["not projected"] == [["Red"], [""]]
     assert found["holes"] == 0
     assert found["holes without walls"] > 1000
     assert found["patches"] == [found["holes without walls"], True]
@@ -42,3 +42,5 @@ def test_the_place_is_modelled_kept_and_undone(blender, tmp_path):
     assert found["driven"] == pytest.approx([0.25])
     before = found["undone"][0] - 2
     assert found["undone"] == [before + 2, before + 1, before, before + 1, before + 2]
+    assert "it was deleted" in found["capture point deleted"]
+    assert found["capture point again"]

@@ -71,6 +71,7 @@ def test_motion_and_materials_are_animated(animated):
 def test_a_renderer_that_fails_is_told_in_its_own_words(animated):
     found = animated[0]
     assert found["coverage"] == pytest.approx(1.0)
+    assert found["notes"] == ["Material 'Plane': sheen ('Sheen Weight') is not carried"]
     assert "the lamp is broken" in found["crashing"]
     assert "SIGKILL" in found["killed"]
     assert "odd number" in found["traceback"]
@@ -84,45 +85,47 @@ def test_a_renderer_that_fails_is_told_in_its_own_words(animated):
     assert "Stereoscopy" in found["stereoscopy"]
     for said in found["stranger"]:
         assert "I am a calculator" in said
+    assert len(found["hanging"]) == 3
+    for said in found["hanging"]:
+        assert "did not answer for 1 seconds" in said
+    assert any("did not answer" in line for line in found["hanging told"])
+    assert found["left hanging"] == []
     assert any("trial" in line for line in found["doctor"])
 
 
-def _renderers(blender_process: int) -> list[int]:
-    """Processes that a Blender process started."""
+def _processes(**wanted: int) -> list[int]:
+    """Running processes with a given parent or group: ``ppid`` or ``pgid``."""
     listed = subprocess.run(
-        ["ps", "-o", "pid=", "--ppid", str(blender_process)], capture_output=True, text=True, check=False
+        ["ps", "-e", "-o", "pid=", *(f"-o{name}=" for name in wanted), "-o", "stat="],
+        capture_output=True,
+        text=True,
+        check=True,
     )
-    return [int(pid) for pid in listed.stdout.split()]
-
-
-def _is_running(pid: int) -> bool:
-    try:
-        with open(f"/proc/{pid}/stat") as status:
-            return status.read().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
+    rows = [line.split() for line in listed.stdout.splitlines()]
+    return [int(pid) for pid, *found, state in rows if [*map(int, found)] == [*wanted.values()] and state[0] != "Z"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL], ids=["interrupted", "killed"])
 def test_no_renderer_is_left_behind(blender, tmp_path, number):
     with subprocess.Popen(
         blender.command("endless", tmp_path),
-        env=blender.environment,
+        env=blender.environment | {"TMPDIR": str(tmp_path)},
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         # What a shell starts in the background ignores interrupts, and so would Blender.
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     ) as process:
         try:
-            deadline = time.monotonic() + 120
-            while not (renderers := _renderers(process.pid)) and time.monotonic() < deadline:
-                time.sleep(0.2)
-            assert renderers
+            deadline = time.monotonic() + 300
+            while not list(tmp_path.glob("*/picture.exr")) and time.monotonic() < deadline:
+                time.sleep(0.1)  # until it is in the middle of its work
+            renderers = _processes(ppid=process.pid)
+            assert len(renderers) == 1
             os.kill(process.pid, number)
             process.wait(timeout=30)
         finally:
             process.kill()
-    deadline = time.monotonic() + 240  # a renderer whose Blender was killed ends when it next tells its progress
-    while any(map(_is_running, renderers)) and time.monotonic() < deadline:
-        time.sleep(0.5)
-    assert not any(map(_is_running, renderers))
+    deadline = time.monotonic() + 5
+    while (left := _processes(pgid=renderers[0])) and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert not left

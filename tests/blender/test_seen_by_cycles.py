@@ -23,7 +23,8 @@ def test_cameras_see_what_blenders_see(blender, tmp_path):
     start()
     import mitsuba as mi
 
-    for case in blender.run("camera_directions", tmp_path)["cases"]:
+    found = blender.run("camera_directions", tmp_path)
+    for case in found["cases"]:
         table = tomllib.loads((tmp_path / f"{case}.toml").read_text())["camera"]["Camera"]
         camera = TypeAdapter(CameraSettings).validate_python(table)
         width, height = camera.resolution
@@ -37,6 +38,34 @@ def test_cameras_see_what_blenders_see(blender, tmp_path):
         assert looked.mean() > 0.5, case
         angle = np.degrees(np.arccos(np.clip((expected * seen).sum(-1) / np.linalg.norm(seen, axis=-1), -1, 1)))
         assert angle[looked].max() < 0.1, case
+
+    heading = np.degrees(0.5)
+    # A panorama's pose is that of the photograph by default; the panorama of the test is 64 x 32.
+    expected = {
+        "PANORAMA": {"type": "equirectangular", "width": 64},
+        "DOME": {"type": "fisheye", "width": 32, "fov": 180.0, "mapping": "equidistant"},
+        "PERSPECTIVE": {"type": "perspective", "width": 1920, "height": 1080},
+    }
+    rotations = {"DOME": [90.0, 0.0, heading], "PERSPECTIVE": [0.0, 0.0, heading]}
+    for kind, name in found["added"].items():
+        table = tomllib.loads((tmp_path / f"{kind}.toml").read_text())["camera"][name]
+        assert table | expected[kind] == table, kind
+        assert ("position" in table) == (kind != "PANORAMA")
+        if kind in rotations:
+            assert table["position"] == pytest.approx([0.5, 0.25, 1.5])
+            assert table["rotation"] == pytest.approx(rotations[kind], abs=1e-3)
+
+
+def test_focus_is_where_blender_has_it(blender, tmp_path):
+    found = blender.run("focus", tmp_path)
+    assert len(found["cases"]) == 6
+    for case, measured in found["cases"].items():
+        table = tomllib.loads((tmp_path / f"{case}.toml").read_text())["camera"]["Camera"]
+        assert table["focus_distance"] == pytest.approx(measured["depth"], rel=1e-5), case
+        # A thin lens spreads a point 2 m away evenly over a disk, whose mean squared radius is half that of its edge.
+        pixels = table["width"] / 2.0 / np.tan(np.radians(table["fov"]) / 2.0)
+        edge = table["aperture"] * pixels * abs(1.0 / 2.0 - 1.0 / table["focus_distance"])
+        assert measured["spread"] - found["sharp"] == pytest.approx(edge**2 / 2.0, rel=0.05), case
 
 
 def _irradiance(table: dict) -> np.ndarray:

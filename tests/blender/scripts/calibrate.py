@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import bpy
 import numpy as np
 from mathutils import Vector
-from session import answer, begin, module, refused
+from session import answer, begin, module, pose_from_corners, refused
 
 folder = sys.argv[1]
 with open(f"{folder}/truth.json") as file:
@@ -42,15 +42,7 @@ def click(region, position):
 def solve(points):
     """Keep the corners and solve, as the buttons do; returns where the capture point then stands."""
     tool.finish(None, bpy.context, points)
-    settings.known, settings.known_length = "WIDTH", truth["width"]
-    bpy.ops.lightdepth.calibrate()
-    bpy.context.view_layer.update()
-    return {
-        "corners": [[corner.u, corner.v] for corner in settings.corners],
-        "matrix": [list(row) for row in settings.capture.matrix_world],
-        "residual": settings.residual,
-        "notes": [line.text for line in settings.calibration_notes],
-    }
+    return pose_from_corners(settings, truth["width"])
 
 
 found["before a panorama"] = refused(bpy.ops.lightdepth.calibrate)

@@ -57,4 +57,15 @@ for name, ((width, height), set_up) in CASES.items():
     scene.world = before
     for mesh in meshes:
         mesh.hide_render = False
-answer(cases=list(CASES))
+
+# The buttons for new cameras, with a capture point that is turned and a little crooked.
+capture = scene.lightdepth.capture
+capture.location, capture.rotation_euler = (0.5, 0.25, 1.5), (0.02, -0.01, 0.5)
+bpy.context.view_layer.update()
+added = {}
+for kind in ("PANORAMA", "DOME", "PERSPECTIVE"):
+    bpy.ops.lightdepth.add_camera(kind=kind)
+    bpy.context.view_layer.update()
+    bpy.ops.lightdepth.export_scene(filepath=f"{folder}/{kind}.toml")
+    added[kind] = scene.camera.name
+answer(cases=list(CASES), added=added)

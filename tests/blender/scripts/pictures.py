@@ -22,8 +22,9 @@ POSITION, ROTATION = (0.0, 0.0, 1.3), [math.radians(angle) for angle in (-0.343,
 FLOOR = [(-1.384, -1.38), (1.848, -1.38), (1.848, 1.453), (-1.384, 1.453)]
 """The hotel room's floor without its corridor, as examples/lounge/model_room.py measured it; metres."""
 DRAWN = 3.0
+"""Seconds in which a window without a graphics card shows what changed."""
 COMPILED = 90.0
-"""Seconds in which a window without a graphics card compiles the shaders of its material preview."""
+"""Seconds in which it compiles the shaders of its material preview."""
 
 
 def steps():
@@ -138,7 +139,8 @@ def model(scene):
     monkey.data.materials.append(copper)
     camera = add_camera(scene, (640, 400), POSITION)
     camera.rotation_euler = Vector((0.15, 1.0, -0.9)).to_track_quat("-Z", "Y").to_euler()
-    camera.data.lens, camera.data.display_size = 20.0, 0.2
+    camera.data.lens = 20.0
+    camera.hide_set(True)  # seen from where it stands it would hide the place
     look(where, (0.25, 1.0, -0.9))
     yield COMPILED
     window.picture(folder / "place.png")
@@ -146,7 +148,6 @@ def model(scene):
     view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.6) @ Quaternion((1.0, 0.0, 0.0), 0.9)
     with bpy.context.temp_override(**where):
         bpy.ops.lightdepth.show_roles()
-    where["area"].spaces.active.shading.show_backface_culling = True
     yield DRAWN
     window.picture(folder / "roles.png")
 
@@ -177,13 +178,10 @@ def holes(scene):
 def render(scene):
     """A dome camera's settings beside the viewport; then F12 while it works."""
     where = window.editor("VIEW_3D")
-    dome = bpy.data.objects.new("Dome", bpy.data.cameras.new("Dome"))
-    dome.data.type, dome.location = "PANO", POSITION
-    dome.rotation_euler = (math.pi, 0.0, 0.0)
-    lens = dome.data if hasattr(dome.data, "panorama_type") else dome.data.cycles
-    lens.panorama_type, lens.fisheye_fov = "FISHEYE_EQUIDISTANT", math.pi
-    scene.collection.objects.link(dome)
+    camera, size = scene.camera, (scene.render.resolution_x, scene.render.resolution_y)
     scene.render.engine = "LIGHTDEPTH"
+    bpy.ops.lightdepth.add_camera(kind="DOME")
+    dome = scene.camera
     properties = next(area for area in where["window"].screen.areas if area.type == "PROPERTIES")
     for item in bpy.context.selected_objects:
         item.select_set(False)
@@ -191,8 +189,12 @@ def render(scene):
     bpy.context.view_layer.objects.active = dome
     yield DRAWN
     properties.spaces.active.context = "DATA"
-    yield DRAWN
+    for _ in range(4):  # as far as it is drawn, each time
+        window.scroll_sidebar(where, 15)
+        yield DRAWN
     window.picture(folder / "cameras.png")
+    bpy.data.objects.remove(dome)
+    scene.camera, (scene.render.resolution_x, scene.render.resolution_y) = camera, size
     properties.spaces.active.context = "RENDER"
     scene.lightdepth.samples = 512
     window.press("F12")

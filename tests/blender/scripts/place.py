@@ -25,16 +25,24 @@ top = bpy.data.objects["Box top"]
 found["top"] = [list(top.matrix_world @ vertex.co) for vertex in top.data.vertices]
 found["box faces"] = len(bpy.data.objects["Box"].data.polygons)
 
+
+def shown(name):
+    """Names of the materials that an object shows."""
+    return [slot.material.name if slot.material else "" for slot in bpy.data.objects[name].material_slots]
+
+
 for index in range(2):
     bpy.ops.mesh.primitive_cube_add(location=(index, 1, 1), size=0.2)
 for item in scene.objects:
     item.select_set(item.name in {"Cube", "Cube.001"})
+red = bpy.data.materials.new("Red")
+bpy.data.objects["Cube"].data.materials.append(red)
 bpy.ops.lightdepth.set_role(role="SUPPORT")
 found["roles"] = {item.name: item.lightdepth.role for item in scene.objects if item.type == "MESH"}
 found["colours"] = {item.name: list(item.color) for item in scene.objects if item.type == "MESH"}
-found["projected"] = [slot.name for slot in bpy.data.objects["Cube"].data.materials]
+found["projected"] = [shown("Cube"), shown("Cube.001")]
 bpy.ops.lightdepth.set_role(role="SYNTHETIC")
-found["not projected"] = [slot.name for slot in bpy.data.objects["Cube"].data.materials]
+found["not projected"] = [shown("Cube"), shown("Cube.001")]
 
 walls = bpy.data.objects["Walls"]
 for item in scene.objects:
@@ -77,7 +85,7 @@ found["kept"] = {
 # The kept drivers still follow the capture point.
 settings.capture.location.x = 0.25
 bpy.context.view_layer.update()
-material = bpy.data.objects["Floor"].data.materials[0].evaluated_get(bpy.context.evaluated_depsgraph_get())
+material = bpy.data.objects["Floor"].material_slots[0].material.evaluated_get(bpy.context.evaluated_depsgraph_get())
 found["driven"] = [
     node.inputs["Location"].default_value[0]
     for node in material.node_tree.nodes
@@ -96,4 +104,9 @@ for operator in (bpy.ops.ed.undo, bpy.ops.ed.undo, bpy.ops.ed.redo, bpy.ops.ed.r
     counts.append(len(bpy.data.objects))
     module("panorama").rebuild(bpy.context.scene)
 found["undone"] = counts
+scene = bpy.context.scene
+scene.collection.objects.unlink(scene.lightdepth.capture)
+found["capture point deleted"] = refused(bpy.ops.lightdepth.export_scene, filepath=f"{folder}/none.toml")
+bpy.ops.lightdepth.load_panorama(filepath=f"{folder}/panorama.exr")
+found["capture point again"] = scene.lightdepth.capture.name in scene.objects
 answer(**found)

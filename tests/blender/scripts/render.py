@@ -1,12 +1,11 @@
 """Render two frames with Ctrl-F12, export both; then renderers that are missing, crash or talk nonsense."""
 
 import os
-import stat
 import sys
 from pathlib import Path
 
 import bpy
-from session import MODULE, add_camera, answer, as_exr, begin, refused, room
+from session import MODULE, add_camera, answer, as_exr, begin, module, refused, room, write_program
 
 folder = Path(sys.argv[1])
 scene = begin()
@@ -16,6 +15,14 @@ ball = bpy.context.object
 ball.keyframe_insert("location", frame=1)
 ball.location.x = 0.5
 ball.keyframe_insert("location", frame=2)
+
+
+def is_running(pid):
+    """Whether there is such a process, and not only its exit status."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
 
 
 def principled(item):
@@ -29,6 +36,7 @@ def principled(item):
 colour = principled(ball).inputs["Base Color"]
 bpy.ops.mesh.primitive_plane_add(size=0.4, location=(-0.6, 1.6, 0.9), rotation=(1.5708, 0.0, 0.0))
 shader = principled(bpy.context.object)
+shader.inputs["Sheen Weight"].default_value = 0.5  # not carried
 shader.inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
 shader.inputs["Emission Color"].default_value = (1.0, 1.0, 1.0, 1.0)
 glow = shader.inputs["Emission Strength"]
@@ -42,10 +50,12 @@ scene.lightdepth.samples, scene.lightdepth.max_bounces = 2, 3
 scene.frame_start, scene.frame_end = 1, 2
 as_exr(scene, folder / "frame", multilayer=True)
 bpy.ops.render.render(animation=True)
+notes = [line.text for line in scene.lightdepth.export_notes]
 for frame in (1, 2):
     scene.frame_set(frame)
     bpy.ops.lightdepth.export_scene(filepath=str(folder / f"scene{frame}.toml"))
 found = {"frames": sorted(path.name for path in folder.glob("frame*.exr"))}
+found["notes"] = notes
 bpy.ops.lightdepth.check()
 found["coverage"] = scene.lightdepth.coverage
 
@@ -58,15 +68,20 @@ PROGRAMS = {
     "silent": "exit 0",
 }
 for name, text in PROGRAMS.items():
-    program = folder / name
-    program.write_text(f"#!/bin/sh\n{text}\n")
-    program.chmod(program.stat().st_mode | stat.S_IXUSR)
-    preferences.command = str(program)
+    preferences.command = write_program(folder / name, text)
     found[name] = refused(bpy.ops.render.render)
-(folder / "stranger").write_text("#!/bin/sh\necho 'Hello, I am a calculator'\n")
-(folder / "stranger").chmod(0o755)
-preferences.command = str(folder / "stranger")
-found["stranger"] = [refused(bpy.ops.lightdepth.test_renderer), refused(bpy.ops.lightdepth.check)]
+questions = (bpy.ops.lightdepth.test_renderer, bpy.ops.lightdepth.check, bpy.ops.lightdepth.calibrate)
+for place in ((0.1, 0.7), (0.2, 0.7), (0.2, 0.8), (0.1, 0.8)):
+    corner = scene.lightdepth.corners.add()
+    corner.u, corner.v = place
+preferences.command = write_program(folder / "stranger", "echo 'Hello, I am a calculator'")
+found["stranger"] = [refused(question) for question in questions]
+# It hangs with a child, and neither listens to the polite signals.
+preferences.command = write_program(folder / "hanging", "trap '' INT TERM; sleep 600 & echo $! >> $0.pids; wait; wait")
+patience, module("process").PATIENCE = module("process").PATIENCE, 1.0
+found["hanging"] = [refused(question) for question in questions]
+module("process").PATIENCE = patience
+found["hanging told"] = [line.text for line in preferences.answer]
 preferences.command = str(folder / "not there")
 found["missing"] = refused(bpy.ops.render.render)
 found["missing for the test"] = refused(bpy.ops.lightdepth.test_renderer)
@@ -81,4 +96,5 @@ found["stereoscopy"] = refused(bpy.ops.render.render)
 scene.render.use_multiview = False
 bpy.ops.lightdepth.test_renderer()
 found["doctor"] = [line.text for line in preferences.answer]
+found["left hanging"] = [pid for pid in (folder / "hanging.pids").read_text().split() if is_running(pid)]
 answer(**found)

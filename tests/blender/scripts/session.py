@@ -42,6 +42,30 @@ def refused(operator, **arguments):
     return ""
 
 
+def pose_from_corners(settings, width):
+    """Solve the pose from the clicked corners and the rectangle's width; returns what follows from it."""
+    settings.known, settings.known_length = "WIDTH", width
+    bpy.ops.lightdepth.calibrate()
+    return pose(settings)
+
+
+def pose(settings):
+    """The clicked corners, where the capture point stands, and the residual."""
+    bpy.context.view_layer.update()
+    return {
+        "corners": [[corner.u, corner.v] for corner in settings.corners],
+        "matrix": [list(row) for row in settings.capture.matrix_world],
+        "residual": settings.residual,
+    }
+
+
+def write_program(path, text):
+    """Write a shell script that stands in for the renderer; returns its path as text."""
+    path.write_text(f"#!/bin/sh\n{text}\n")
+    path.chmod(0o755)
+    return str(path)
+
+
 def write_panorama(path, height=32, pixels=None):
     """Write a smooth panorama (or given pixels, first row at the top) as OpenEXR; returns its pixels."""
     import numpy as np

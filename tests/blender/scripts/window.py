@@ -13,6 +13,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 import traceback
 
 _SYMBOL = re.compile(
@@ -67,10 +68,33 @@ def run(steps):
         sys.stderr.flush()
         os._exit(status)  # Blender would ask whether to save
 
-    bpy.app.timers.register(step, first_interval=1.0)
+    bpy.app.timers.register(step)
     context = ctypes.CFUNCTYPE(ctypes.c_void_p)(_addresses["BPY_context_get"])
     loop = ctypes.CFUNCTYPE(None, ctypes.c_void_p)(_addresses["WM_main"])
     loop(context())
+
+
+def until(condition, seconds=400.0, every=0.01):
+    """Let Blender live until something is so; ask every so many seconds."""
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            line = f"{condition.__code__.co_filename}:{condition.__code__.co_firstlineno}"
+            raise TimeoutError(f"waited {seconds:g} seconds for what {line} says")
+        yield every
+
+
+def drawn():
+    """Let Blender draw what has changed: its loop comes round twice."""
+    yield 0.0
+    yield 0.0
+
+
+def tools():
+    """The operators that wait for events in the first window."""
+    import bpy
+
+    return [each for each in bpy.context.window_manager.windows[0].modal_operators if hasattr(each, "modal")]
 
 
 def editor(kind):

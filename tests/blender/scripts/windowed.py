@@ -1,4 +1,4 @@
-"""In a window, with the mouse and the keyboard: calibrate, model, undo, render, stop a rendering."""
+"""In a window, with the mouse and the keyboard: calibrate, ask the renderer, model, undo, render, stop a rendering."""
 
 import json
 import subprocess
@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import window
+from window import drawn, tools, until
 
 bpy = window.open_window()
 
@@ -13,19 +14,20 @@ import os  # noqa: E402 - Blender's own modules are there only now
 
 from bpy_extras.view3d_utils import location_3d_to_region_2d  # noqa: E402
 from mathutils import Matrix, Quaternion, Vector  # noqa: E402
-from session import add_camera, answer, begin, module  # noqa: E402
+from session import MODULE, add_camera, answer, begin, module, pose, pose_from_corners, write_program  # noqa: E402
 
 folder = Path(sys.argv[1])
 truth = json.loads((folder / "truth.json").read_text())
 found = {}
-DRAWN = 0.3
-"""Seconds in which a software-drawn window shows what changed and takes what was typed."""
 
 
 def steps():
     scene = begin()
-    bpy.context.preferences.view.render_display_type = "AREA"
-    bpy.context.preferences.view.show_splash = False
+    preferences = bpy.context.preferences
+    preferences.view.render_display_type = "AREA"
+    preferences.view.show_splash = False
+    # Without a graphics card each drawing takes its time.
+    preferences.view.smooth_view, preferences.system.viewport_aa = 0, "OFF"
     settings = scene.lightdepth
     viewport = window.editor("VIEW_3D")
     with bpy.context.temp_override(**viewport):
@@ -33,74 +35,101 @@ def steps():
     found["shown"] = viewport["area"].spaces.active.shading.type
     viewport["area"].spaces.active.shading.type = "SOLID"  # clicks mean the same, and software draws it fast
     viewport["area"].spaces.active.show_region_ui = True
-    yield DRAWN
+    yield from drawn()
     yield from calibrate_on_the_image(settings)
     yield from calibrate_in_the_viewport(settings)
+    yield from give_up_on_a_renderer_that_hangs(settings)
     yield from model(scene)
     yield from render(scene)
     answer(**found)
 
 
-def click_corners(where, places):
-    """Start the tool and click; the last click ends it."""
+def begin_tool(operator, where):
+    """Begin a tool; returns it."""
     with bpy.context.temp_override(**where):
-        bpy.ops.lightdepth.click_corners("INVOKE_DEFAULT")
-    yield DRAWN
-    for place in places():
-        window.click(where, *place)
-        yield DRAWN
+        operator("INVOKE_DEFAULT")
+    return tools()[0]
 
 
-def solved(settings):
-    with bpy.context.temp_override(**window.editor("VIEW_3D")):
-        settings.known, settings.known_length = "WIDTH", truth["width"]
-        bpy.ops.lightdepth.calibrate()
-        bpy.context.view_layer.update()
-    return {
-        "corners": [[corner.u, corner.v] for corner in settings.corners],
-        "matrix": [list(row) for row in settings.capture.matrix_world],
-        "residual": settings.residual,
-    }
+def clicked(tool, where, place):
+    """Click, and wait until the tool has the click; a tool that has all it needs is gone."""
+    count = len(tool._points)
+    window.click(where, *place)
+    yield from until(lambda: not tools() or len(tool._points) > count)
 
 
 def calibrate_on_the_image(settings):
     where = window.editor("IMAGE_EDITOR")
     where["area"].spaces.active.show_region_ui = True
-    yield DRAWN
+    yield from drawn()
     where = window.editor("IMAGE_EDITOR")
     where["area"].spaces.active.image = settings.image
-    yield DRAWN
+    yield from drawn()
     with bpy.context.temp_override(**where):
         bpy.ops.image.view_all(fit_view=True)
-    yield DRAWN
+    yield from drawn()
     to_region = where["region"].view2d.view_to_region
-    yield from click_corners(where, lambda: [to_region(u, 1.0 - v, clip=False) for u, v in truth["corners"]])
+    tool = begin_tool(bpy.ops.lightdepth.click_corners, where)
+    for u, v in truth["corners"]:
+        yield from clicked(tool, where, to_region(u, 1.0 - v, clip=False))
     found["pixel"] = 1.0 / (to_region(1.0, 0.5, clip=False)[0] - to_region(0.0, 0.5, clip=False)[0])
-    found["image editor"] = solved(settings)
+    with bpy.context.temp_override(**window.editor("VIEW_3D")):
+        found["image editor"] = pose_from_corners(settings, truth["width"])
     settings.corners.clear()
 
 
 def calibrate_in_the_viewport(settings):
-    """From the capture point a person turns the view before each click; so does this."""
+    """From the capture point a person turns the view before each click; so does this. The button is pressed here."""
     where = window.editor("VIEW_3D")
-    yield DRAWN
+    yield from drawn()
     where = window.editor("VIEW_3D")
     view = where["area"].spaces.active.region_3d
     settings.capture.location, settings.capture.rotation_euler = (0.0, 0.0, 1.6), (0.0, 0.0, 0.0)
+    settings.residual = -1.0
     bpy.context.view_layer.update()
-    with bpy.context.temp_override(**where):
-        bpy.ops.lightdepth.click_corners("INVOKE_DEFAULT")
+    tool = begin_tool(bpy.ops.lightdepth.click_corners, where)
     for u, v in truth["corners"]:
         toward = module("picking").panorama_direction(u, v)
         aside = Quaternion((0.0, 1.0, 0.0), 0.15)  # not in the middle, where every lens would be right
         view.view_rotation = (aside @ toward).to_track_quat("-Z", "Y")
         with bpy.context.temp_override(**where):
             bpy.ops.lightdepth.view_from_capture()
-        yield DRAWN
+        yield from drawn()
         eye = view.view_matrix.inverted().translation
-        window.click(where, *location_3d_to_region_2d(where["region"], view, eye + toward))
-        yield DRAWN
-    found["viewport"] = solved(settings)
+        yield from clicked(tool, where, location_3d_to_region_2d(where["region"], view, eye + toward))
+    begin_tool(bpy.ops.lightdepth.calibrate, where)
+    yield from until(lambda: not tools())
+    found["viewport"] = pose(settings)
+
+
+def give_up_on_a_renderer_that_hangs(settings):
+    """Blender goes on while the renderer does not answer, and Escape ends it."""
+    preferences = bpy.context.preferences.addons[MODULE].preferences
+    preferences.command = write_program(folder / "hanging", "touch $0.started; sleep 600")
+    where, before = window.editor("VIEW_3D"), settings.residual
+    begin_tool(bpy.ops.lightdepth.calibrate, where)
+    yield from until((folder / "hanging.started").exists)
+    view = where["area"].spaces.active.region_3d
+    distance = view.view_distance
+    window.move(where, 100, 100, "key", "Home")  # shows all that there is
+    yield from until(lambda: view.view_distance != distance)
+    found["asked"] = len(renderers())
+    window.press("Escape")
+    yield from until(lambda: not tools())
+    found["asked after Escape"] = [len(renderers()), settings.residual == before]
+    found["told after Escape"] = reports()
+    preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
+
+
+def reports():
+    """What Blender told so far, as its info editor has it."""
+    area = next(area for area in bpy.context.screen.areas if area.type == "DOPESHEET_EDITOR")
+    area.type = "INFO"
+    with bpy.context.temp_override(area=area, region=next(each for each in area.regions if each.type == "WINDOW")):
+        bpy.ops.info.select_all(action="SELECT")
+        bpy.ops.info.report_copy()
+    area.type = "DOPESHEET_EDITOR"
+    return bpy.context.window_manager.clipboard
 
 
 def model(scene):
@@ -109,7 +138,7 @@ def model(scene):
     view = where["area"].spaces.active.region_3d
     view.view_perspective, view.view_rotation = "ORTHO", Matrix.Identity(3).to_quaternion()
     view.view_location, view.view_distance = Vector((0.5, 1.0, 0.0)), 12.0
-    yield DRAWN
+    yield from drawn()
 
     def place(x, y):
         return location_3d_to_region_2d(where["region"], view, (x, y, 0.0))
@@ -118,12 +147,10 @@ def model(scene):
         (bpy.ops.lightdepth.add_room, [(-1, -2), (3, -2), (3, 4), (-1, 4), (-1, -2)]),
         (bpy.ops.lightdepth.add_box, [(0, 2), (1, 2), (1, 2.5)]),
     ):
-        with bpy.context.temp_override(**where):
-            operator("INVOKE_DEFAULT")
-        yield DRAWN
+        tool = begin_tool(operator, where)
         for corner in corners:
-            window.click(where, *place(*corner))
-            yield DRAWN
+            yield from clicked(tool, where, place(*corner))
+        yield from drawn()
     bpy.context.view_layer.update()
     found["bounds"] = {
         name: [
@@ -134,9 +161,10 @@ def model(scene):
     }
     found["undone"] = []
     for keys in ("ctrl+z", "ctrl+z", "ctrl+shift+z", "ctrl+shift+z"):
+        before = meshes()
         window.press(keys)
-        yield DRAWN
-        found["undone"].append(sorted(item.name for item in bpy.data.objects if item.type == "MESH"))
+        yield from until(lambda before=before: meshes() != before, 10.0)
+        found["undone"].append(meshes())
     with bpy.context.temp_override(**where):
         bpy.ops.lightdepth.show_roles()
     shading = where["area"].spaces.active.shading
@@ -151,29 +179,32 @@ def render(scene):
     add_camera(scene, (48, 32), rotation=(1.2, 0.0, 0.0))
     scene.render.engine = "LIGHTDEPTH"
     settings = scene.lightdepth
-    settings.samples, settings.max_bounces = 2, 3
+    settings.draft, settings.max_bounces = True, 3
     window.press("F12")
-    yield DRAWN
-    found["rendering"] = bpy.app.is_job_running("RENDER")
-    while bpy.app.is_job_running("RENDER"):
-        yield DRAWN
+    yield from until(is_rendering)
+    yield from until(lambda: not is_rendering())
     shown("finished")
     found["renderers after"] = renderers()
     window.press("Escape")  # back from the render result to what the editor was
-    yield DRAWN
-    settings.samples = 1_000_000
+    yield from drawn()
+    settings.draft, settings.samples = False, 1_000_000
     # Another size, so that what is shown is not the picture above.
     scene.render.resolution_x = 40
     window.press("F12")
-    while not (renderers() and shown("progressing") == 40):
-        yield 1.0
+    yield from until(lambda: renderers() and shown("progressing") == 40, every=0.3)
     found["renderers"] = len(renderers())
     window.press("Escape")
-    yield DRAWN
-    while bpy.app.is_job_running("RENDER"):
-        yield DRAWN
+    yield from until(lambda: not is_rendering())
     shown("stopped")
     found["renderers after Escape"] = renderers()
+
+
+def is_rendering():
+    return bpy.app.is_job_running("RENDER")
+
+
+def meshes():
+    return sorted(item.name for item in bpy.data.objects if item.type == "MESH")
 
 
 def shown(name):
@@ -191,7 +222,7 @@ def renderers():
     listed = subprocess.run(
         ["ps", "-o", "pid=,args=", "--ppid", str(os.getpid())], capture_output=True, text=True, check=False
     )
-    return [line for line in listed.stdout.splitlines() if "lightdepth" in line and "render" in line]
+    return [line for line in listed.stdout.splitlines() if "lightdepth" in line or "hanging" in line]
 
 
 window.run(steps())
