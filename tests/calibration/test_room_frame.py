@@ -21,7 +21,6 @@ from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import validate_panorama
 from tests.calibration.calibration_helpers import angle_between
 
-
 CAFE_PLUMB_EDGES = Arcs(
     latlong_to_direction(
         *np.moveaxis(

@@ -7,7 +7,7 @@ from lightdepth.calibration.rectangle import FloorRectangle
 from lightdepth.calibration.snapping import snap_rectangle
 from lightdepth.calibration.solve import Cues, calibrate
 from lightdepth.directions import rotation_to_euler
-from tests.calibration.calibration_helpers import angle_between, seen_from
+from tests.calibration.calibration_helpers import Poses, angle_between, seen_from
 
 CLICK_ERROR = 3.0 * 360 / 2048
 """Degrees: three pixels at 2k."""
@@ -20,12 +20,9 @@ def sides(points):
 @pytest.fixture(scope="module")
 def view(room):
     """The room from a random pose, as a panorama of 2048 pixels, and that pose."""
-    rotation = room_pose = None
-    from tests.calibration.calibration_helpers import Poses
-
     poses = Poses(11)
-    rotation, room_pose = poses.rotation(), room.POSITION + poses.random.uniform(-0.5, 0.5, 3)
-    return room.radiance(2048, room_pose, rotation_to_euler(rotation)), room_pose, rotation
+    rotation, position = poses.rotation(), room.POSITION + poses.random.uniform(-0.5, 0.5, 3)
+    return room.radiance(2048, position, rotation_to_euler(rotation)), position, rotation
 
 
 @pytest.mark.parametrize("name", ["FLOOR", "RUG"])
