@@ -119,7 +119,7 @@ def test_the_commands_of_the_document(room, tmp_path, monkeypatch):
     """They run, and print the rotations that the document shows."""
     document = (Path(__file__).parents[2] / "docs/calibration.md").read_text(encoding="utf-8")
     shown = re.findall(r"^\$ lightdepth (calibrate .*)\nrotation +(\S+) +(\S+) +(\S+) ", document, re.MULTILINE)
-    assert len(shown) == 4
+    assert len(shown) == 5
     monkeypatch.chdir(tmp_path)
     write_radiance(Path("room.exr"), room.radiance(1024))
     Path("room.toml").write_text('[panorama]\nimage = "room.exr"   # photographed in May\n')
@@ -204,6 +204,7 @@ def test_bad_input_ends_in_one_message_and_nothing_written(room, panorama, tmp_p
         ),
         (["--angles", "--vertical", "0,0 0,91"], "point 2 is 0,91"),
         (["--width", "2"], "give --rectangle as well"),
+        (["--snap", "--auto"], "--snap moves the corners of a floor rectangle"),
         (["--picture", "check.jpg", "--auto"], "the check picture is a .png file"),
         (["--bearing", "nan", "--auto"], "--bearing nan"),
         ([], "0 verticals do not suffice"),

@@ -39,7 +39,7 @@ def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None]
     """
     if radiance.shape[1] > LARGEST_WIDTH:
         radiance = cv2.resize(radiance, (LARGEST_WIDTH, LARGEST_WIDTH // 2), interpolation=cv2.INTER_AREA)
-    brightness = _display_brightness(radiance)
+    brightness = display_brightness(radiance)
     half_width = np.tan(np.radians(VIEW_DEGREES / 2))
     # A little finer than the panorama at the view's centre.
     size = round(1.3 * 2 * half_width * brightness.shape[1] / (2 * np.pi))
@@ -49,7 +49,7 @@ def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None]
     detector = cv2.createLineSegmentDetector(cv2.LSD_REFINE_ADV)
     ends = [np.empty((0, 2, 3))]
     for index, view in enumerate(VIEWS):
-        picture = _sample(brightness, rays @ view.T)
+        picture = sample_panorama(brightness, rays @ view.T)
         found = detector.detect(np.clip(picture * 255, 0, 255).astype(np.uint8))[0]
         if found is not None:
             # The detector counts from the first pixel's centre.
@@ -62,7 +62,7 @@ def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None]
     return arcs.take(arcs.length > np.radians(SHORTEST_DEGREES))
 
 
-def _display_brightness(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+def display_brightness(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     """Logarithm of luminance, scaled so that the picture's darkest and brightest parts are at 0 and 1, float32."""
     luminance = radiance @ LUMINANCE
     lit = luminance[luminance > 0]
@@ -74,7 +74,7 @@ def _display_brightness(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.clip(brightness, 0.0, 1.0).astype(np.float32)
 
 
-def _sample(image: NDArray[np.float32], directions: FloatArray) -> NDArray[np.float32]:
+def sample_panorama(image: NDArray[np.float32], directions: FloatArray) -> NDArray[np.float32]:
     """Bicubic lookup of a panorama with one channel, shape of ``directions`` without its last axis."""
     height, width = image.shape
     u, v = direction_to_latlong(directions)

@@ -19,11 +19,13 @@ class FloorRectangle:
         corners: directions of the corners, counter-clockwise seen from above, unit vectors in light space, (4, 3).
         width: length of the sides from corner 1 to 2 and from 3 to 4, metres, where known.
         length: length of the other two sides, metres, where known.
+        error: standard deviation of a corner along either axis, degrees, where it is not that of a click.
     """
 
     corners: FloatArray
     width: float | None = None
     length: float | None = None
+    error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -114,6 +116,7 @@ def check_shape(rectangle: FloorRectangle, camera_height: float | None, click_er
         Warnings.
     """
     warnings = []
+    click_error = rectangle.error or click_error
     found, error = _with_error(rectangle.corners, lambda shape: shape.angle, click_error)
     if abs(found - 90.0) > max(1.0, 3.0 * error):
         warnings.append(

@@ -22,6 +22,11 @@ each other, and a stitched panorama stretches heights more than it leans vertica
 edges, so that their number does not lessen them. Horizontals are left to decide the heading, and the level where there
 are hardly any verticals."""
 
+SHORT = 10.0
+"""Degrees of length up to which an edge's ends get more certain with it. The detector fits a segment to all its pixels, so
+that the variance of its ends falls with its length, but only down to what masonry and stitching leave: in proportion to
+1 + SHORT / length."""
+
 HALVES = 16
 """How many random halves of the edges are solved anew for the confidence."""
 
@@ -141,7 +146,7 @@ def _upright(rotation: FloatArray) -> FloatArray:
 
 
 def _refine(arcs: Arcs, rotation: FloatArray) -> FloatArray:
-    """Least squares of the deviations with Tukey's weights, at first more tolerant."""
+    """Least squares of the deviations, long edges counting more, with Tukey's weights, at first more tolerant."""
     for step in range(15):
         tolerance = TOLERANCE * max(1.0, 2.0 - 0.25 * step)
         deviation = arcs.deviation(rotation)
@@ -149,6 +154,7 @@ def _refine(arcs: Arcs, rotation: FloatArray) -> FloatArray:
         error = np.take_along_axis(deviation, nearest[None], axis=0)[0]
         weight = np.maximum(0.0, 1.0 - (error / tolerance) ** 2) ** 2
         weight[nearest != 2] *= HORIZONTAL_WEIGHT
+        weight /= 1.0 + np.radians(SHORT) / arcs.length
         # Turning the frame by a small rotation vector r about light space's axes changes n . a by r . (a x n).
         leverage = np.take_along_axis(arcs.leverage(rotation), nearest[None], axis=0)[0]
         slope = np.cross(rotation[nearest], arcs.normal) * leverage[:, None]

@@ -268,7 +268,7 @@ class _Problem:
         click = self.cues.click_error
         errors = [self._heading_error(rotation)]
         if self.rectangle is not None:
-            errors.append(self._corner_errors(vector).ravel() / click)
+            errors.append(self._corner_errors(vector).ravel() / (self.rectangle.error or click))
             width, length, height = vector[5:8]
             known = (
                 (self.rectangle.width, width + height),

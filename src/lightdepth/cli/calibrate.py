@@ -49,6 +49,12 @@ def calibrate(
     auto: Annotated[
         bool, typer.Option("--auto", help="Level, and align with the walls, from straight edges found in the panorama.")
     ] = False,
+    snap: Annotated[
+        bool,
+        typer.Option(
+            "--snap", help="Move the rectangle's corners to where the edges seen along its sides meet, near the clicks."
+        ),
+    ] = False,
     origin: Annotated[
         str,
         typer.Option(
@@ -103,6 +109,7 @@ def calibrate(
     from lightdepth.calibration.clicks import read_clicks
     from lightdepth.calibration.rectangle import FloorRectangle
     from lightdepth.calibration.scene_file import write_pose
+    from lightdepth.calibration.snapping import snap_rectangle
     from lightdepth.calibration.solve import Cues
     from lightdepth.calibration.solve import calibrate as solve
     from lightdepth.errors import InputError
@@ -113,6 +120,8 @@ def calibrate(
 
     if rectangle is None and (width is not None or length is not None):
         raise InputError("--width and --length are those of a floor rectangle: give --rectangle as well")
+    if rectangle is None and snap:
+        raise InputError("--snap moves the corners of a floor rectangle: give --rectangle as well")
     if not math.isfinite(bearing):
         raise InputError(f"--bearing {bearing}: a finite number of degrees is needed")
     if picture is not None:
@@ -127,20 +136,26 @@ def calibrate(
     toward = read_clicks(heading, size, "--heading", 1)[0] if heading is not None else None
     if click_error is None:
         click_error = 0.2 if angles else 1.0
+    click_degrees = click_error * (1.0 if angles else 360.0 / radiance.shape[1])
+    floor = FloorRectangle(corners, width, length) if corners is not None else None
+    unmoved: list[str] = []
+    if snap and floor is not None:
+        floor, unmoved = snap_rectangle(radiance, floor, camera_height, click_degrees)
     room = _find_room(radiance, show_progress=not json_output) if auto else None
     result = solve(
         Cues(
-            rectangle=FloorRectangle(corners, width, length) if corners is not None else None,
+            rectangle=floor,
             verticals=Arcs(verticals) if verticals else None,
             heading=toward,
             bearing=bearing,
             room=room,
             camera_height=camera_height,
-            click_error=click_error * (1.0 if angles else 360.0 / radiance.shape[1]),
+            click_error=click_degrees,
         ),
         origin,
     )
     report = _report(result)
+    report["warnings"] += unmoved
     if write is not None:
         image = write_pose(write, report["rotation"], report["position"])
         if image.resolve() != panorama.resolve():

@@ -57,6 +57,8 @@ def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], fo
     document = read_document(scene) if scene.exists() else _new_document(scene, place)
     tables = document.get("real")
     if tables is None:
+        if not document.as_string().endswith("\n\n"):
+            document.add(tomlkit.nl())
         tables = document["real"] = tomlkit.aot()
     if not isinstance(tables, AoT):
         raise InputError(f"{scene}: 'real' must be an array of tables, each under its own [[real]]")
@@ -94,7 +96,6 @@ def _new_document(scene: Path, place: Place) -> tomlkit.TOMLDocument:
     panorama["image"] = _relative(place.image, scene)
     panorama["position"] = [round(float(x), 5) for x in place.pose.position]
     panorama["rotation"] = [float(x) for x in place.rotation_degrees]
-    panorama.add(tomlkit.nl())
     document = tomlkit.document()
     document["panorama"] = panorama
     return document
