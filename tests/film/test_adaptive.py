@@ -30,11 +30,6 @@ def seeds(scene):
     return [lightdepth.render(scene, "view", samples=PILOT_SAMPLES, seed=seed) for seed in range(24)]
 
 
-@pytest.fixture(scope="module")
-def reference(scene):
-    return lightdepth.render(scene, "view", samples=1500, seed=77)
-
-
 def test_estimated_variance_is_the_spread_over_seeds(seeds):
     """The estimate is made for independent samples; well spread ones deviate less, so that it is on the safe side."""
     pictures = np.stack([frame.beauty for frame in seeds]).astype(np.float64)
@@ -121,15 +116,15 @@ def test_indirect_light_is_held_to_the_clamp():
 
 
 MEMORY = """
-import resource, sys
 import lightdepth
+from bench.memory import peak_memory
 from tests.transport.places import GREY, ball, lamp_image, room
 scene = room(lamp_image(128), [ball(GREY)])
 lightdepth.render(scene, "pano", samples=2)
 peaks = []
 for samples in (16, 256):
     lightdepth.render(scene, "pano", samples=samples)
-    peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    peaks.append(peak_memory() / 2**20)
 print(*peaks)
 """
 

@@ -59,7 +59,10 @@ def room(
     width: int = 64,
     **settings: object,
 ) -> Scene:
-    """A closed box photographed as ``radiance`` (constant, or an image), with three cameras in different places."""
+    """A closed box photographed as ``radiance`` (constant, or an image), with three cameras in different places.
+
+    The irradiance of its support is known to 2 % at each vertex unless ``settings`` ask for more.
+    """
     image = np.asarray(radiance, np.float32)
     if image.ndim < 3:
         image = np.broadcast_to(image, (width // 2, width, 3)).copy()
@@ -77,7 +80,7 @@ def room(
         (RealSurface("room", box_mesh(), role, gloss),),
         tuple(objects),
         cameras,
-        RenderSettings(**settings),  # type: ignore[arg-type]
+        RenderSettings(**{"irradiance_samples": 256, **settings}),  # type: ignore[arg-type]
     )
 
 
