@@ -16,7 +16,7 @@ import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.film.rendering import PILOT_SAMPLES  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
-from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
+from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,7 @@ def scene():
 @pytest.fixture(scope="module")
 def seeds(scene):
     """The same picture 24 times, with the same number of samples everywhere."""
-    return [lightdepth.render(scene, "view", samples=PILOT_SAMPLES, seed=seed) for seed in range(24)]
+    return [picture(scene, "view", PILOT_SAMPLES, seed) for seed in range(24)]
 
 
 def test_estimated_variance_is_the_spread_over_seeds(seeds):

@@ -9,8 +9,10 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from lightdepth.api import begin_rendering
 from lightdepth.cameras import Equirectangular, Fisheye, Perspective
 from lightdepth.directions import euler_rotation, pixel_directions
+from lightdepth.film.frame import Frame
 from lightdepth.scene.materials import Diffuse, Material
 from lightdepth.scene.model import (
     AnalyticShape,
@@ -82,6 +84,14 @@ def room(
         cameras,
         RenderSettings(**{"irradiance_samples": 256, **settings}),  # type: ignore[arg-type]
     )
+
+
+def picture(scene: Scene, camera: str, samples: int, seed: int) -> Frame:
+    """One of many pictures: without object ids, depth, normals and albedo, which take as long as few samples."""
+    rendering = begin_rendering(scene, camera, seed=seed)
+    for _ in rendering.run(samples):
+        pass
+    return rendering.frame(auxiliary=False)
 
 
 def with_floor_alone_as_support(scene: Scene) -> Scene:
