@@ -202,11 +202,11 @@ def floor_scene() -> Scene:
 def _large(quick: bool) -> tuple[list[str], list[list[str]]]:
     width = 2048 if quick else 8192
     code = (
-        "import resource, time, lightdepth; from bench.cost import *;"
+        "import time, lightdepth; from bench.cost import *; from bench.memory import peak_memory;"
         f"scene = panorama_scene(floor_only(lamp_and_window('mixed')), {width});"
         "r = lambda n, s: lightdepth.render(scene, camera='panorama', samples=n, seed=s);"
         "r(1, 0); a = time.perf_counter(); r(1, 1); b = time.perf_counter(); r(3, 2); c = time.perf_counter();"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, (c - b - (b - a)) / 2)"
+        "print(peak_memory() / 2**30, (c - b - (b - a)) / 2)"
     )
     floor_scene()
     memory, seconds = _python(code).split()[-2:]

@@ -16,7 +16,7 @@ import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.film.rendering import PILOT_SAMPLES  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
-from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
+from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -27,12 +27,7 @@ def scene():
 @pytest.fixture(scope="module")
 def seeds(scene):
     """The same picture 24 times, with the same number of samples everywhere."""
-    return [lightdepth.render(scene, "view", samples=PILOT_SAMPLES, seed=seed) for seed in range(24)]
-
-
-@pytest.fixture(scope="module")
-def reference(scene):
-    return lightdepth.render(scene, "view", samples=1500, seed=77)
+    return [picture(scene, "view", PILOT_SAMPLES, seed) for seed in range(24)]
 
 
 def test_estimated_variance_is_the_spread_over_seeds(seeds):
@@ -121,15 +116,15 @@ def test_indirect_light_is_held_to_the_clamp():
 
 
 MEMORY = """
-import resource, sys
 import lightdepth
+from bench.memory import peak_memory
 from tests.transport.places import GREY, ball, lamp_image, room
 scene = room(lamp_image(128), [ball(GREY)])
 lightdepth.render(scene, "pano", samples=2)
 peaks = []
 for samples in (16, 256):
     lightdepth.render(scene, "pano", samples=samples)
-    peaks.append(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+    peaks.append(peak_memory() / 2**20)
 print(*peaks)
 """
 

@@ -22,7 +22,7 @@ from lightdepth.scene.model import (
     SyntheticPart,
 )
 from tests.scene.gltf_writer import gltf_document, write_glb
-from tests.transport.places import CAPTURE, GREY, HIGH, LOW, ball, box_depth, lamp_image, room
+from tests.transport.places import CAPTURE, GREY, HIGH, LOW, ball, box_depth, lamp_image, picture, room
 from tests.transport.test_irradiance import corner_factor
 
 FLOOR_RADIANCE = 0.2
@@ -186,7 +186,7 @@ def test_a_checkered_card_casts_half_the_shadow_of_a_solid_one():
     def shadows(opacity, seeds):
         part = SyntheticPart(card, Principled(base_color=paper, roughness=1.0, opacity=opacity))
         scene = replace(floor_and_walls(objects=[SyntheticObject("card", (part,))], max_bounces=1), cameras={"": below})
-        return [lightdepth.render(scene, samples=64, seed=seed).change.mean() for seed in seeds]
+        return [picture(scene, "", 64, seed).change.mean() for seed in seeds]
 
     solid, holed = shadows(1.0, range(8)), shadows(holes, range(8, 16))
     error = np.hypot(0.5 * np.std(solid, ddof=1), np.std(holed, ddof=1)) / np.sqrt(8)

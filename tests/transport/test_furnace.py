@@ -6,7 +6,7 @@ import pytest
 import lightdepth
 from lightdepth.scene.materials import Glass, Metal, MitsubaBsdf, Principled
 from lightdepth.scene.model import Gloss
-from tests.transport.places import HIGH, LOW, WHITE, ball, room, with_floor_alone_as_support
+from tests.transport.places import HIGH, LOW, WHITE, ball, picture, room, with_floor_alone_as_support
 
 MIRROR = MitsubaBsdf(type="mitsuba", mitsuba={"type": "conductor", "material": "none"})
 LOSSLESS = {
@@ -73,7 +73,7 @@ def test_a_white_room_of_support_keeps_its_light_and_paths_their_weight():
     """
     radius = 0.4
     scene = room(1.0, [ball(WHITE, radius=radius)], max_bounces=16)
-    means = [lightdepth.render(scene, "view", samples=128, seed=seed).beauty.mean() for seed in range(8)]
+    means = [picture(scene, "view", 128, seed).beauty.mean() for seed in range(8)]
     width, depth, height = HIGH - LOW
     walls = 2.0 * (width * depth + width * height + depth * height)
     on_the_ball = 4.0 * np.pi * radius**2 / (4.0 * np.pi * radius**2 + walls)

@@ -27,7 +27,8 @@ def render_auxiliary(
     width, height = view.camera.resolution
     object_id = np.empty((height, width), np.uint32)
     depth = np.empty((height, width), np.float32)
-    normal = np.empty((height, width, 3), np.float16)  # As the file has them: of a large image, this counts.
+    # As the file has them, of half precision and normals plane by plane: of a large image, this counts.
+    normal = np.moveaxis(np.empty((3, height, width), np.float16), 0, -1)
     albedo = np.empty((height, width, 3), np.float16)
     origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
     for band in bands(width, height):

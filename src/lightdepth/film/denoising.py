@@ -52,7 +52,9 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
         band = slice(top, min(top + rows, height))
         window = _Window(band.start, band.stop, height, width, panoramic)
         guides = {"albedo": frame.albedo, "normal": frame.normal}
-        cut = {name: window.cut(guide).astype(np.float32) for name, guide in guides.items() if guide is not None}
+        cut = {
+            name: window.cut(guide).astype(np.float32, order="C") for name, guide in guides.items() if guide is not None
+        }
         filtered = _Filter(oidn, cut)
         if frame.synthetic[band].any():
             covered = window.cut(frame.coverage)[:, :, None]

@@ -49,8 +49,12 @@ class Frame:
         It is computed where something is new and copied from the plate elsewhere, so that untouched pixels are those of
         the photograph bit for bit.
         """
-        beauty = self.plate.copy()
-        for row, line in enumerate(beauty):  # Row by row, so that a large image needs no large temporaries.
+        return self.beauty_rows(0, len(self.plate))
+
+    def beauty_rows(self, first: int, end: int) -> NDArray[np.float32]:
+        """The same of the rows from ``first`` to before ``end`` alone: of a large image, the whole counts."""
+        beauty = self.plate[first:end].copy()
+        for row, line in enumerate(beauty, first):  # Row by row, so that a large image needs no large temporaries.
             touched = self.touched(row)
             line[touched] *= 1.0 - self.coverage[row, touched, None]
             line[touched] += self.change[row, touched] + self.synthetic[row, touched]

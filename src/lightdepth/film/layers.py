@@ -32,6 +32,7 @@ AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo"})
 """Those that take time of their own, see ``lightdepth.film.auxiliary``."""
 PART_NAMES = {"coverage": "alpha"}
 """Names of parts that are not the layer's own."""
+ROWS_AT_ONCE = 128
 REQUIRED = ("plate", "change", "synthetic", "coverage")
 _OBJECT_NAMES = "lightdepth:objects"
 _METADATA = "lightdepth:"
@@ -125,7 +126,10 @@ def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None,
     """
     if exposure_stops is None:
         exposure_stops = auto_exposure(frame.plate, frame.alpha)
-    pixels = tone_map(frame.beauty, exposure_stops, curve)
+    pixels = np.empty(frame.plate.shape, np.uint8)
+    for first in range(0, len(pixels), ROWS_AT_ONCE):
+        here = slice(first, first + ROWS_AT_ONCE)
+        pixels[here] = tone_map(frame.beauty_rows(here.start, here.stop), exposure_stops, curve)
     if not (frame.alpha == 1.0).all():
         alpha = np.rint(np.clip(frame.alpha, 0.0, 1.0) * 255.0).astype(np.uint8)
         pixels = np.concatenate([pixels, alpha[:, :, None]], axis=2)

@@ -135,20 +135,20 @@ class Rendering:
             finish: the rendering gives its memory to the image and cannot go on.
         """
         facts = self._facts()
-        estimates = self._accumulator.estimates(finish)
         taken = self._accumulator.taken if finish else self._accumulator.taken.copy()
+        means = dict(vars(self._accumulator.estimates(finish)))
+        for name in list(means):  # One by one, so that a large image is never there twice as a whole.
+            means[name] = self._scattered(means.pop(name))
+            if finish:
+                dr.flush_malloc_cache()
         frame = Frame(
             plate=self.plate,
-            change=self._scattered(estimates.change),
-            synthetic=self._scattered(estimates.synthetic),
-            coverage=self._scattered(estimates.coverage),
             alpha=self.alpha,
-            variance=self._scattered(estimates.variance),
+            **means,
             samples=self._scattered(taken),
             metadata=facts,
             object_names=tuple(thing.name for thing in self._scene.synthetic),
         )
-        del estimates
         if auxiliary:
             layers = render_auxiliary(self._view, self._prepared)
             frame.object_id, frame.depth, frame.normal, frame.albedo = layers
