@@ -110,7 +110,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     method: EnumProperty(name="Method", description="How light is computed", items=METHODS, default="difference")
     draft: BoolProperty(
         name="Draft",
-        description="A quick look: one noisy sample for each pixel, and shadows of roughly the right strength",
+        description="A quick look without passes: one noisy sample for each pixel, shadows of roughly the right strength",
     )
     denoise: BoolProperty(name="Denoise", description="Denoise the change and the new objects; never the photograph")
 
