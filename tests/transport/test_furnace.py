@@ -13,12 +13,13 @@ LOSSLESS = {
     "diffuse": WHITE,
     "mirror": MIRROR,
     "glass": Glass(type="glass", ior=1.5),
+    "principled": Principled(type="principled", base_color=(1.0, 1.0, 1.0), roughness=0.5),
+    "principled metal": Principled(type="principled", base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=0.3),
+    "metal in part": Principled(type="principled", base_color=(1.0, 1.0, 1.0), metallic=0.5, roughness=0.9),
 }
 LOSSY = {
     "metal": Metal(type="metal", name="Ag", roughness=0.3),
     "rough glass": Glass(type="glass", ior=1.5, roughness=0.3),
-    "principled": Principled(type="principled", base_color=(1.0, 1.0, 1.0), roughness=0.5),
-    "principled metal": Principled(type="principled", base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=0.3),
 }
 
 

@@ -5,7 +5,7 @@ two thirds on rough metal; here a white surface reflects exactly what arrives, w
 albedo of a GGX lobe toward the viewer, split after Karis (2013) into ``A F0 + B``:
 
     specular lobe   GGX with Schlick's Fresnel, times  1 + F0 (1 / (A + B) - 1)   (Turquin 2019: light that
-                    bounces more than once between facets)
+                    bounces more than once between facets); of a surface that is metal in part, the mean of both
     diffuse lobe    base colour (1 - metallic) (1 - E_dielectric)                 (what the lobe above let through)
     clearcoat       a GGX lobe with F0 = 4 % on top; all below times  1 - clearcoat E_coat
 
@@ -168,8 +168,9 @@ class _Surface:
         self._lobe = _Lobe(wi, roughness)
         self._f0 = dr.lerp(mi.Color3f(f0), base_color, metallic)
         a, b = _albedo(table, wi, roughness)
-        self._gain = 1.0 + self._f0 * (1.0 / (a + b) - 1.0)
-        reflected = (f0 * a + b) * (1.0 + f0 * (1.0 / (a + b) - 1.0))
+        reflected = _reflected(f0, a, b)
+        # Of a surface that is metal in part, each part keeps its own energy: Turquin's factor is not linear in F0.
+        self._gain = dr.lerp(reflected, _reflected(base_color, a, b), metallic) / dr.maximum(self._f0 * a + b, 1e-9)
         below: Any = 1.0
         self._coat = None
         if coat is not None and coat_roughness is not None:
@@ -209,6 +210,11 @@ class _Surface:
             result += self._coat_gain * value * dr.lerp(COAT_F0, 1.0, schlick)
             density += self._coat_share * lobe_density
         return result, density
+
+
+def _reflected(f0: Any, a: mi.Float, b: mi.Float) -> Any:
+    """Albedo of the specular lobe with its compensation, per channel where ``f0`` is."""
+    return (f0 * a + b) * (1.0 + f0 * (1.0 / (a + b) - 1.0))
 
 
 def _albedo(table: mi.Texture2f, wi: mi.Vector3f, roughness: mi.Float) -> tuple[mi.Float, mi.Float]:
