@@ -23,6 +23,8 @@ NEAR, FAR_TOLERANCE = 0.05, 4.0
 """Below this share of the view that objects fill, the tolerance grows, up to this many times: less depends on it."""
 LEVELS = 6
 MOST_VERTICES = 40_000
+VERTICES_A_SAMPLE = 240
+"""Vertices at most for each sample of a point: a quick look is not worth a fine mesh."""
 SHORTEST_EDGE = 0.01
 """Metres; shorter edges are not halved."""
 COARSEST_EDGE = 1 / 10
@@ -59,13 +61,14 @@ def estimate_on_mesh(
     )
     irradiance, noise = estimate(mesh.inside(), mesh.vertex_normals())
     fresh = np.ones(len(mesh.faces), bool)
+    most = min(MOST_VERTICES, VERTICES_A_SAMPLE * samples)
     for _ in range(LEVELS):
         edges = find_edges(mesh.faces)
         lengths = mesh.lengths(edges)
         candidate = np.zeros(len(edges.ends), bool)
         candidate[edges.of_face[fresh].reshape(-1)] = True
         candidate &= lengths > 2.0 * SHORTEST_EDGE
-        if not candidate.any() or len(mesh.points) + np.count_nonzero(candidate) > MOST_VERTICES:
+        if not candidate.any() or len(mesh.points) + np.count_nonzero(candidate) > most:
             break
         normals = mesh.vertex_normals()[edges.ends[:, 0]]
         middles = mesh.middles(edges)
