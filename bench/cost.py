@@ -174,12 +174,12 @@ def _python(code: str, **environment: str) -> str:
 
 
 def _starts(quick: bool) -> tuple[list[str], list[list[str]]]:
-    """From nothing to a picture of the demo: a draft of the fulldome and the panorama, and once more in the process.
+    """From nothing to a picture of the demo: a draft of each camera, and once more in the process.
 
     Cold: with an empty kernel cache; warm: with the one that the first run left.
     """
     rows = []
-    for camera in ("dome", "pano"):
+    for camera in ("view", "dome", "pano"):
         code = (
             "import time; began = time.perf_counter(); import lightdepth;"
             f"scene = lightdepth.load_scene('examples/lounge/scene.toml'); draft = dict(camera={camera!r}, draft=True);"

@@ -117,8 +117,8 @@ def compare(
         image = empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
         pictures.append(image)
         for region, values in measure(image, full, regions).items():
-            errors = (f"{values['signed']:+.2%}", f"{values['rmse']:.2%}", f"{values['block_rmse']:.2%}")
-            rows.append([method, region, str(values["pixels"]), *errors])
+            errors = (100.0 * values[name] for name in ("signed", "rmse", "block_rmse"))
+            rows.append([method, region, str(values["pixels"]), *(f"{error:+.2f} %" for error in errors)])
     title = (
         f"{path.resolve().parent.name}, capture point {capture}, {width} pixels wide, {samples} samples for the truth"
     )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ from bench.analysis import convergence, percent, select, spread
 from bench.foreign import kept
 from bench.goals import goals
 from bench.pictures import plot_convergence, show_side_by_side
-from bench.run import RESULTS
 
 DOCS = Path(__file__).parents[1] / "docs"
 REGION_TITLES = {
@@ -72,7 +70,7 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
         lines += _wrong_models(results, place)
     if cost is not None:
         lines += _cost(cost)
-    lines += _foreign(folder)
+    lines += _foreign()
     lines.append("## Settings of the methods\n")
     lines += [f"- {results['labels'][key]}: {text}." for key, text in results["settings"].items()]
     path = DOCS / "benchmarks.md"
@@ -169,7 +167,7 @@ def _wrong_models(results: dict[str, Any], place: str) -> Iterator[str]:
         )
 
 
-def _foreign(folder: Path) -> Iterator[str]:
+def _foreign() -> Iterator[str]:
     """Scenes of others that ``python -m bench truth`` measured, which break the assumption of matte surfaces."""
     tables = kept()
     if tables:
@@ -177,12 +175,10 @@ def _foreign(folder: Path) -> Iterator[str]:
         yield (
             "Measured one by one with `python -m bench truth`. Their glossy floors and the sky behind their windows break "
             "the assumption that real surfaces look alike from everywhere. The methods get a sixteenth of the truth's "
-            "samples. Pictures: the truth, then the methods in the table's order.\n"
+            "samples. In `living-room` the sun comes through windows whose sky the capture point does not see.\n"
         )
     for table in tables:
-        shutil.copyfile(RESULTS / table["picture"], folder / table["picture"])
         yield f"**{table['title']}**\n"
-        yield f"![Truth, difference, directional, envpath](images/benchmarks/{table['picture']})\n"
         yield _table(table["head"], table["rows"])
 
 
