@@ -117,8 +117,9 @@ def compare(
         image = empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
         pictures.append(image)
         for region, values in measure(image, full, regions).items():
-            errors = (100.0 * values[name] for name in ("signed", "rmse", "block_rmse"))
-            rows.append([method, region, str(values["pixels"]), *(f"{error:+.2f} %" for error in errors)])
+            signed, *others = (100.0 * values[name] for name in ("signed", "rmse", "block_rmse"))
+            errors = [f"{signed:+.2f} %", *(f"{error:.2f} %" for error in others)]
+            rows.append([method, region, str(values["pixels"]), *errors])
     title = (
         f"{path.resolve().parent.name}, capture point {capture}, {width} pixels wide, {samples} samples for the truth"
     )
