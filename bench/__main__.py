@@ -68,11 +68,13 @@ def truth(
     Example: python -m bench truth --scene living-room/scene_patched.xml --capture 0,1.4,3 --objects 0,0,1.5
     """
     from bench.foreign import compare, keep
+    from bench.run import RESULTS
 
     stand = _numbers(objects) if objects else None
     table = compare(scene, _numbers(capture), stand, up, width, samples, console)
     keep(table)
     _print_table(table)
+    console.print(f"truth and the methods, top to bottom: {RESULTS / table['picture']}", highlight=False, markup=False)
 
 
 def _print_table(table: dict[str, Any]) -> None:

@@ -88,10 +88,7 @@ def room(
 
 def picture(scene: Scene, camera: str, samples: int, seed: int) -> Frame:
     """One of many pictures: without object ids, depth, normals and albedo, which take as long as few samples."""
-    rendering = begin_rendering(scene, camera, seed=seed)
-    for _ in rendering.run(samples):
-        pass
-    return rendering.frame(auxiliary=False)
+    return begin_rendering(scene, camera, seed=seed).complete(samples, auxiliary=False)
 
 
 def with_floor_alone_as_support(scene: Scene) -> Scene:

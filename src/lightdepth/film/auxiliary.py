@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.film.bands import Band, bands
+from lightdepth.kernel.bands import Band, bands
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView
 from lightdepth.transport.methods import Prepared

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cameras import Equirectangular
-from lightdepth.film.bands import bands
 from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.bands import bands
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Panorama
 from lightdepth.transport.place import Place

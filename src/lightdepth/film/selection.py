@@ -7,7 +7,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.film.bands import bands
+from lightdepth.kernel.bands import bands
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.kernel.real_surfaces import FaceKind
 from lightdepth.scene.model import CameraView

@@ -75,10 +75,8 @@ class TracedSurfaces:
         corners = np.zeros((max(count, 1), 4), np.uint32)
         corners[:count, :3] = surfaces.faces
         corners[:count, 3] = surfaces.kind | (surfaces.gloss << 2)
-        normals = np.zeros((max(count, 1), 4), np.float32)
-        normals[:count, :3] = face_normals(surfaces.vertices, surfaces.faces)
         self._corners = mi.UInt32(aligned(corners, np.uint32))
-        self._normals = mi.Float(aligned(normals))
+        self._normals = mi.Float(_padded(face_normals(surfaces.vertices, surfaces.faces)))
         self._irradiance = mi.Float(_padded(surfaces.irradiance))
         self._mirrored = mi.Float(_padded(surfaces.mirrored)) if surfaces.glosses else None
         self._rest = mi.Float(_padded(surfaces.rest)) if self.deformed else None

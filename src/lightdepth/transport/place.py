@@ -16,6 +16,7 @@ import mitsuba as mi
 import numpy as np
 
 from lightdepth.kernel.arrays import aligned_empty
+from lightdepth.kernel.bands import bands
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.kernel.real_surfaces import FaceKind
 from lightdepth.kernel.tracing import RealHit, TracedSurfaces
@@ -210,17 +211,13 @@ class Place:
         """``z(w)`` at the pixels' centres, metres, inf for sky."""
         if self.infinite or not self.surfaces.has_real:
             return mi.Float(dr.inf)
-        depth = aligned_empty(self.map.width * self.map.height)
-        index = dr.arange(mi.UInt32, self.map.width * 64)
-        for first in range(0, self.map.height, 64):
-            pixel = index + dr.opaque(mi.UInt32, first * self.map.width)
-            u = (mi.Float(pixel % self.map.width) + 0.5) / self.map.width
-            v = (mi.Float(pixel // self.map.width) + 0.5) / self.map.height
+        depth = aligned_empty((self.map.height, self.map.width))
+        for band in bands(self.map.width, self.map.height):
+            u, v = (band.column + 0.5) / self.map.width, (band.row + 0.5) / self.map.height
             ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
             found = self.surfaces.real.ray_intersect_preliminary(ray, coherent=True)
-            part = depth[first * self.map.width :][: 64 * self.map.width]
-            part[:] = dr.select(found.is_valid(), found.t, dr.inf).numpy()[: part.size]
-        return mi.Float(depth)
+            depth[band.rows] = dr.select(found.is_valid(), found.t, dr.inf).numpy().reshape(band.shape)
+        return mi.Float(depth.reshape(-1))
 
     def _capture_sees(self, w0: mi.Vector3f, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
         """Whether the capture point sees a place, as shadow maps decide it: by the depth of the map in its direction.
