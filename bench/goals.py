@@ -16,7 +16,7 @@ def goals(results: dict[str, Any]) -> Iterator[Table]:
     records = select(results["records"], camera="view", denoised=False)
     places, labels = results["effort"]["places"], results["labels"]
     yield from _converged(records, places, labels, results["effort"]["converged"])
-    yield _wrong(records, places)
+    yield _wrong(records, places, results["effort"]["converged"])
     yield from _equal_error(records, places, labels, results["effort"]["budgets"][1:-1])
 
 
@@ -57,7 +57,7 @@ def _against(error: float, own: float) -> str:
     return f"{percent(error)} ({error / max(own, 1e-9):.1f}x)"
 
 
-def _wrong(records: list[dict[str, Any]], places: tuple[str, ...]) -> Table:
+def _wrong(records: list[dict[str, Any]], places: tuple[str, ...], samples: int) -> Table:
     rows = []
     for place in places:
         models = dict.fromkeys(record["model"] for record in select(records, place=place))
@@ -73,7 +73,8 @@ def _wrong(records: list[dict[str, Any]], places: tuple[str, ...]) -> Table:
                 row += [percent(own[measure]), _against(other[measure], own[measure])]
             rows.append(row)
     head = ["place", "model", "`difference`, RMSE", "`directional`, RMSE", "`difference`, 8x8", "`directional`, 8x8"]
-    return "Wrong models, influenced pixels: RMSE, and RMSE of the means of 8 by 8 pixels", head, rows
+    title = f"Wrong models, influenced pixels, {samples} samples: RMSE, and RMSE of the means of 8 by 8 pixels"
+    return title, head, rows
 
 
 def _equal_error(

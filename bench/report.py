@@ -145,12 +145,13 @@ def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Ite
 def _wrong_models(results: dict[str, Any], place: str) -> Iterator[str]:
     """How the product's methods fare with a wrong model of the place."""
     records = select(results["records"], place=place, camera="view", denoised=False)
-    largest = max(results["effort"]["budgets"])
+    effort = results["effort"]
     models = list(dict.fromkeys(record["model"] for record in records))
     rows = []
     for model in models:
         for method, label in results["labels"].items():
-            found = select(records, model=model, method=method, samples=largest)
+            samples = max(effort["budgets"]) if model == "exact" else effort["converged"]
+            found = select(records, model=model, method=method, samples=samples)
             if found and (method in ("difference", "directional", "envpath")):
                 row = [model, label]
                 for region in ("objects", "changed"):

@@ -37,7 +37,8 @@ class Effort:
         truth_samples: camera rays a pixel of the truth.
         budgets: samples a pixel that each method is given; the largest is for convergence, and run once.
         repeats: how often the other budgets are timed through the camera ``view``; what is denoised, once.
-        converged: samples a pixel of one more rendering of ``difference``, from which its bias is seen.
+        converged: samples a pixel of one more rendering of ``difference``, from which its bias is seen, and of the
+            product's methods with wrong models.
         places: names of the places.
         objects: the object set.
     """
@@ -104,7 +105,7 @@ def plan_of(name: str, camera: str, model: str, denoise: bool, effort: Effort) -
     """The budgets to render with, in turn; empty where nothing is to be measured."""
     timed, largest = effort.budgets[:-1], effort.budgets[-1:]
     if model != "exact":
-        return [largest] if name in OWN_METHODS and camera == "view" and not denoise else []
+        return [(effort.converged,)] if name in OWN_METHODS and camera == "view" and not denoise else []
     if denoise:
         return [timed]
     extra = (effort.converged,) if name == "difference" and camera == "view" else ()

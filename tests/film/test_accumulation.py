@@ -14,16 +14,17 @@ import mitsuba as mi  # noqa: E402
 
 from lightdepth.film import accumulation  # noqa: E402
 from lightdepth.film.accumulation import Accumulator  # noqa: E402
-from lightdepth.transport.integrator import CameraSamples  # noqa: E402
+from lightdepth.transport.integrator import CameraSums  # noqa: E402
 
 
-def camera_samples(change, synthetic, covered):
+def camera_sums(change, synthetic, covered):
     """From arrays of shapes (k, per_pixel, 3) and (k, per_pixel)."""
-    result = CameraSamples(
-        mi.Color3f(change.reshape(-1, 3).T.copy()),
-        mi.Color3f(synthetic.reshape(-1, 3).T.copy()),
-        mi.Bool(covered.reshape(-1)),
-    )
+
+    def color(values):
+        return mi.Color3f(values.sum(axis=1).T.astype(np.float32).copy())
+
+    covered = mi.Float(covered.sum(axis=1).astype(np.float32))
+    result = CameraSums(color(change), color(synthetic), color(np.square(change + synthetic)), covered)
     dr.eval(result)
     return result
 
@@ -42,7 +43,7 @@ def drawn():
 def fill(accumulator, covered, change, synthetic, slots, cuts=(0, 4, 16, 20)):
     for first, last in pairwise(cuts):
         part = (change[slots, first:last], synthetic[slots, first:last], covered[slots, first:last])
-        accumulator.add(slots.astype(np.uint32), camera_samples(*part), last - first)
+        accumulator.add(slots.astype(np.uint32), camera_sums(*part), np.full(len(slots), last - first))
 
 
 @pytest.mark.parametrize("finish", [False, True])

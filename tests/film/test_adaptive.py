@@ -14,6 +14,7 @@ start("cpu")
 
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
+from lightdepth.film import rendering  # noqa: E402
 from lightdepth.film.rendering import PILOT_SAMPLES  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
@@ -133,3 +134,15 @@ def test_memory_does_not_grow_with_the_samples():
     run = subprocess.run([sys.executable, "-c", MEMORY], capture_output=True, text=True, check=True)
     few, many = map(float, run.stdout.split())
     assert many < few + 80.0, f"{few:.0f} MB with 16 samples, {many:.0f} MB with 256"
+
+
+@pytest.mark.parametrize("wanted", [[], [0] * 5, [10_000] * 100, "random"])
+def test_passes_give_every_pixel_what_it_wants_in_bounded_portions(wanted):
+    counts = np.random.default_rng(1).integers(0, 1000, 70_000) if wanted == "random" else wanted
+    wanted = np.array(counts, np.int32)
+    given = np.zeros_like(wanted)
+    for slots, portion in rendering._passes(wanted):
+        assert 0 < portion.sum() < 1.01 * rendering.PATHS
+        assert len(np.unique(slots)) == len(slots)
+        given[slots] += portion
+    np.testing.assert_array_equal(given, wanted)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned
-from lightdepth.transport.integrator import CameraSamples
+from lightdepth.transport.integrator import CameraSums
 
 PIXELS_AT_ONCE = 1 << 20
 
@@ -52,26 +52,25 @@ class Accumulator:
         self._change, self._synthetic, self._squares = (dr.zeros(mi.Float, 3 * size) for _ in range(3))
         self._covered = dr.zeros(mi.Float, size)
 
-    def add(self, slots: NDArray[np.uint32], samples: CameraSamples, per_pixel: int) -> None:
+    def add(self, slots: NDArray[np.integer], sums: CameraSums, counts: NDArray[np.integer]) -> None:
         """Add samples.
 
         Args:
             slots: places in the list of pixels, each at most once, shape (k,).
-            samples: estimates, ``per_pixel`` in a row for each of ``slots``.
-            per_pixel: samples per pixel.
+            sums: of the samples of each of ``slots``.
+            counts: how many those are, shape (k,).
         """
         place = mi.UInt32(aligned(slots, np.uint32))
-        squares = dr.square(samples.change + samples.synthetic)
         for total, color in (
-            (self._change, samples.change),
-            (self._synthetic, samples.synthetic),
-            (self._squares, squares),
+            (self._change, sums.change),
+            (self._synthetic, sums.synthetic),
+            (self._squares, sums.squares),
         ):
             for channel in range(3):
-                _add(total, color[channel], 3 * place + channel, per_pixel)
-        _add(self._covered, dr.select(samples.covered, 1.0, 0.0), place, per_pixel)
+                _add(total, color[channel], 3 * place + channel)
+        _add(self._covered, sums.covered, place)
         dr.eval(self._change, self._synthetic, self._squares, self._covered)
-        self.taken[slots] += np.uint32(per_pixel)
+        self.taken[slots] += counts.astype(np.uint32)
 
     def estimates(self, finish: bool = False) -> Estimates:
         """The means so far of all pixels of the list.
@@ -125,8 +124,6 @@ class Accumulator:
             yield part, Estimates(change, synthetic, coverage, variance)
 
 
-def _add(total: mi.Float, value: mi.Float, index: mi.UInt32, per_pixel: int) -> None:
-    """Add the sums of blocks of ``per_pixel`` values to places of ``total`` that differ."""
-    dr.scatter_add(
-        total, dr.block_sum(value, per_pixel) if per_pixel > 1 else value, index, mode=dr.ReduceMode.NoConflicts
-    )
+def _add(total: mi.Float, value: mi.Float, index: mi.UInt32) -> None:
+    """Add values to places of ``total`` that differ."""
+    dr.scatter_add(total, value, index, mode=dr.ReduceMode.NoConflicts)

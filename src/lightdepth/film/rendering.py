@@ -21,11 +21,19 @@ from lightdepth.film.selection import influenced_pixels
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Scene
+from lightdepth.transport.integrator import CameraSums
 from lightdepth.transport.methods import Prepared
-from lightdepth.transport.randoms import begin_path
+from lightdepth.transport.place import LIGHT_SAMPLES
+from lightdepth.transport.randoms import Randoms, begin_path
 
-LANES = 1 << 21
-"""Paths followed at once; more gain no speed and cost memory."""
+PATHS = 1 << 21
+"""Paths of one pass; more gain no speed."""
+AT_ONCE = 256
+"""Samples that a pixel gets at most before all others have got theirs."""
+PACKET = 16
+"""Lanes that run side by side, at most."""
+SPREAD = 64
+"""Packets that want equally many samples are at least so far apart, where there are enough."""
 PILOT_SAMPLES = 16
 """Samples that every pixel gets, at most half of all, before the rest is spent where the error is."""
 QUANTUM = 4
@@ -39,7 +47,15 @@ SECONDS_BETWEEN_ERRORS = 0.5
 ERROR_SHARE = 0.05
 """and at most for this share of the time."""
 LIGHTS_SERVE = 1 << 21
-"""Camera paths after which new light samples are drawn."""
+"""Camera paths after which new light samples are drawn,"""
+FEWEST_LIGHTS = 15
+"""at least two to this power of them."""
+LEARNING_SHARE = 0.1
+"""Paths that learn what surfaces send, relative to those that estimate pixels;"""
+FIRST_SHARE, FIRST_PATHS = 0.25, 1 << 15
+"""at first so many, but no more than so many,"""
+LEARNING_PATHS = 16
+"""in lanes of so many."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +98,7 @@ class Rendering:
         self._dark = DARK * float(np.median(some.mean(axis=1))) + 1e-12 if len(some) else 1.0
         self._generator = np.random.default_rng(seed)
         self._lights_served = 0
+        self._cache = prepared.integrator.new_cache()
         self._error, self._error_time = 0.0, -math.inf
         dr.flush_malloc_cache()  # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
 
@@ -97,9 +114,9 @@ class Rendering:
         done = 0
         wanted = np.full(len(self.pixels), _pilot(samples), np.int32)
         while wanted.any():
-            for slots, per_pixel in _passes(wanted):
-                self._sample(slots, per_pixel)
-                done += len(slots) * per_pixel
+            for slots, counts in _passes(wanted):
+                self._sample(slots, counts)
+                done += int(counts.sum(dtype=np.int64))
                 elapsed = time.monotonic() - start
                 fraction = min(done / total, 1.0)
                 yield Progress(fraction, done / len(self.pixels), self._watched_error(), elapsed * (1 / fraction - 1))
@@ -234,31 +251,51 @@ class Rendering:
         image[self.pixels] = values
         return image.reshape(self._height, self._width, *values.shape[1:])
 
-    def _sample(self, slots: NDArray[np.uint32], per_pixel: int) -> None:
-        """One pass: ``per_pixel`` samples for each of ``slots``."""
-        lanes = len(slots) * per_pixel
+    def _sample(self, slots: NDArray[np.int64], counts: NDArray[np.int32]) -> None:
+        """One pass: ``counts`` samples for each of ``slots``."""
+        paths = int(counts.sum(dtype=np.int64))
         if self._lights_served <= 0:
-            self._prepared.place.draw_lights(self._generator)
+            # As many as are worth their while: a small image has few paths to choose among them.
+            worth = 1 << max(FEWEST_LIGHTS, int(paths).bit_length() - 2)
+            self._prepared.place.draw_lights(self._generator, min(worth, LIGHT_SAMPLES))
             self._lights_served = LIGHTS_SERVE
-        self._lights_served -= lanes
-        lane = dr.arange(mi.UInt32, lanes)
-        # Not a literal, which would compile anew for every number.
-        count = dr.opaque(mi.UInt32, per_pixel)
-        owner = lane // count
-        pixel = dr.gather(mi.UInt32, mi.UInt32(aligned(self.pixels[slots], np.uint32)), owner)
-        index = (
-            dr.gather(mi.UInt32, mi.UInt32(aligned(self._accumulator.taken[slots], np.uint32)), owner) + lane % count
-        )
-        randoms = begin_path(pixel, index, dr.opaque(mi.UInt32, self._seed))
-        x, y = randoms.spread("film")
-        film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)
-        film.y = (mi.Float(pixel // self._width) + y) / self._height
-        start, direction, inside = self._view.camera.camera_rays(film, mi.Point2f(randoms.spread("lens")))
-        ray = mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction)
-        samples = self._prepared.integrator.sample(randoms, ray, inside)
-        dr.eval(samples)
-        self._accumulator.add(slots, samples, per_pixel)
+        self._lights_served -= paths
+        self._learn(paths)
+        sums = self._follow(self.pixels[slots], self._accumulator.taken[slots], counts)
+        self._accumulator.add(slots, sums, counts)
         dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
+
+    def _learn(self, paths: int) -> None:
+        """Let as many paths learn as the next ``paths`` that estimate pixels call for."""
+        if self._cache is None:
+            return
+        wanted = LEARNING_SHARE * paths
+        if not self._accumulator.taken.any():
+            wanted = max(wanted, min(FIRST_SHARE * paths, FIRST_PATHS))
+        lanes = math.ceil(wanted / LEARNING_PATHS)
+        pixels = self._generator.choice(self.pixels, lanes)
+        with self._cache.learn(lanes * LEARNING_PATHS):
+            first = self._generator.integers(1 << 32, size=lanes)
+            self._follow(pixels, first, np.full(lanes, LEARNING_PATHS))
+
+    def _follow(
+        self, pixels: NDArray[np.uint32], first: NDArray[np.integer], counts: NDArray[np.integer]
+    ) -> CameraSums:
+        """Follow ``counts`` paths for each pixel, from its sample number ``first`` on."""
+        pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in (pixels, first, counts))
+        seed = dr.opaque(mi.UInt32, self._seed)
+
+        def camera_rays(number: mi.UInt32) -> tuple[Randoms, mi.Ray3f, mi.Bool]:
+            randoms = begin_path(pixel, offset + number, seed)
+            x, y = randoms.spread("film")
+            film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)
+            film.y = (mi.Float(pixel // self._width) + y) / self._height
+            start, direction, inside = self._view.camera.camera_rays(film, mi.Point2f(randoms.spread("lens")))
+            return randoms, mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction), inside
+
+        sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, self._cache)
+        dr.eval(sums)
+        return sums
 
 
 def _pilot(samples: int) -> int:
@@ -266,11 +303,18 @@ def _pilot(samples: int) -> int:
     return min(samples, max(QUANTUM, min(PILOT_SAMPLES, samples // 2)))
 
 
-def _passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.uint32], int]]:
-    """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each)."""
-    left = wanted.copy()
-    for per_pixel in (64, 32, 16, 8, QUANTUM, 1):
-        while len(slots := np.flatnonzero(left >= per_pixel).astype(np.uint32)):
-            for chunk in np.array_split(slots, -(-len(slots) * per_pixel // LANES)):
-                yield chunk, per_pixel
-            left[slots] -= per_pixel
+def _passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int32]]]:
+    """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each).
+
+    Lanes of a packet wait for each other, and so do processor cores: pixels that want equally many form packets, and
+    packets that want many are spread among the others.
+    """
+    for begun in range(0, int(wanted.max(initial=0)), AT_ONCE):
+        for first in range(0, len(wanted), PATHS):
+            counts = np.clip(wanted[first : first + PATHS] - begun, 0, AT_ONCE)
+            order = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]
+            packet = np.arange(len(order)) // PACKET
+            order = order[np.argsort((packet % SPREAD).astype(np.uint8), kind="stable")]
+            paths = np.cumsum(counts[order], dtype=np.int64)
+            for part in np.array_split(order, np.searchsorted(paths, np.arange(PATHS, paths[-1:].sum(), PATHS))):
+                yield first + part, counts[part]

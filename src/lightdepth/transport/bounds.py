@@ -21,6 +21,9 @@ MOST_SPHERES = 6
 AIMED_SHARE = 0.5
 """Share of the rays that are aimed where the objects fill a small part of the view."""
 
+NEAR = 0.5
+"""Share of a sphere's radius up to which its surface counts as near."""
+
 
 class ObjectBounds:
     """Spheres that enclose the synthetic objects.
@@ -38,6 +41,16 @@ class ObjectBounds:
     def cones(self, point: mi.Point3f) -> Cones:
         """The cones of directions from points (world, metres) that the spheres fill."""
         return Cones(point, self._centres, self._radii)
+
+    def detail(self, point: mi.Point3f) -> mi.Float:
+        """Metres over which the objects' influence varies at points (world, metres).
+
+        It is the distance to the nearest sphere, or a share of its radius close by.
+        """
+        result = mi.Float(dr.inf)
+        for centre, radius in zip(self._centres, self._radii, strict=True):
+            result = dr.minimum(result, dr.maximum(dr.norm(point - centre) - radius, NEAR * radius))
+        return result
 
     def near(self, ray: mi.Ray3f, margin: mi.Float) -> mi.Bool:
         """Whether any sphere comes nearer to rays than an angle.

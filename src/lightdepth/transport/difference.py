@@ -10,6 +10,7 @@ turned round.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import drjit as dr
@@ -19,7 +20,8 @@ from lightdepth.kernel.real_surfaces import FaceKind
 from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit, shadow_ray
 from lightdepth.scene.model import Gloss
 from lightdepth.transport.bounds import Cones, ObjectBounds
-from lightdepth.transport.integrator import CameraSamples, Integrator
+from lightdepth.transport.change_cache import NO_CELL, ChangeCache
+from lightdepth.transport.integrator import CameraSamples, Integrator, Path
 from lightdepth.transport.place import LightSample, Place
 from lightdepth.transport.randoms import Randoms
 from lightdepth.transport.recovered_albedo import reflectance
@@ -30,6 +32,8 @@ CANDIDATES = 6
 ROULETTE_DEPTH = 3
 """Scatterings before paths are ended by the light that they still carry."""
 LARGEST_SURVIVAL = 0.99
+WIDTH = 1.0
+"""Smallest footprint of a path, relative to a cell's area, where the cell's mean is used."""
 WANDERING_GAIN, SMALLEST_REACH = 6.0, 0.5
 """A path on support surfaces goes on with this many times the share of the hemisphere that objects fill."""
 
@@ -74,7 +78,20 @@ class Vertex:
     in_difference: mi.Bool
 
 
-class DifferenceIntegrator(Integrator):
+@dataclass
+class DifferencePath(Path):
+    """Paths of the difference.
+
+    Attributes:
+        difference: which scattered last on a support surface.
+        last: their last scattering.
+    """
+
+    difference: mi.Bool
+    last: LastScattering
+
+
+class DifferenceIntegrator(Integrator[DifferencePath]):
     """The ``difference`` method, and with an infinitely far place the ``directional`` one.
 
     Args:
@@ -105,97 +122,123 @@ class DifferenceIntegrator(Integrator):
         # Light samples are shared between the map and synthetic emitters.
         self.map_share = 0.5 if self.has_emitters else 1.0
 
-    @dr.syntax
-    def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
-        """Follow one path along each camera ray, as the base says."""
-        ray, active = mi.Ray3f(ray), mi.Bool(active)
-        radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
-        difference, first, covered = mi.Bool(False), mi.Bool(True), mi.Bool(False)
-        last = LastScattering(mi.Point3f(ray.o), mi.Float(0.0), mi.Float(1.0))
-        depth = mi.UInt32(0)
+    def new_cache(self) -> ChangeCache | None:
+        """As the base says."""
+        return ChangeCache(self.bounds) if self.bounds is not None and self.has_support else None
+
+    def begin(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> DifferencePath:
+        """As the base says."""
+        return DifferencePath(
+            randoms,
+            mi.Ray3f(ray),
+            mi.Bool(active),
+            radiance=mi.Color3f(0.0),
+            throughput=mi.Color3f(1.0),
+            first=mi.Bool(True),
+            covered=mi.Bool(False),
+            depth=mi.UInt32(0),
+            cell=mi.UInt64(NO_CELL),
+            difference=mi.Bool(False),
+            last=LastScattering(mi.Point3f(ray.o), mi.Float(0.0), mi.Float(1.0)),
+        )
+
+    def samples(self, path: DifferencePath) -> CameraSamples:
+        """As the base says."""
+        return CameraSamples(path.radiance & ~path.covered, path.radiance & path.covered, mi.Bool(path.covered))
+
+    def advance(self, path: DifferencePath, cache: ChangeCache | None) -> DifferencePath:
+        """As the base says."""
+        randoms, ray, last = path.randoms, mi.Ray3f(path.ray), copy(path.last)
+        radiance, throughput = mi.Color3f(path.radiance), mi.Color3f(path.throughput)
+        active, difference, first = mi.Bool(path.active), mi.Bool(path.difference), mi.Bool(path.first)
+        covered, depth, cell = mi.Bool(path.covered), mi.UInt32(path.depth), mi.UInt64(path.cell)
         context = mi.BSDFContext()
         bounds = self.bounds if self.has_support else None
 
-        while active:
-            found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
-            on_real = active & self.surfaces.is_real(found)
-            on_synthetic = active & found.is_valid() & ~on_real
-            hit = self.surfaces.real_hit(ray, found, on_real)
-            on_relit = on_real & (hit.kind == int(FaceKind.RELIT))
-            si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        on_real = active & self.surfaces.is_real(found)
+        on_synthetic = active & found.is_valid() & ~on_real
+        hit = self.surfaces.real_hit(ray, found, on_real)
+        on_relit = on_real & (hit.kind == int(FaceKind.RELIT))
+        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
 
-            # What the place sends along the ray: added by eq. (3) at real surfaces, subtracted by eq. (4) where a new
-            # surface stands before them and the last scattering was on support.
-            blocked = (on_synthetic | on_relit) & difference
-            arrived = active & ~on_synthetic & ~on_relit & ~difference & ~first
-            radiance += throughput * self._before(ray, hit, blocked, blocked & on_synthetic, arrived, last, depth)
-            if dr.hint(self.has_emitters, mode="scalar"):
-                radiance += throughput * self._emission(si, on_synthetic, first, last, depth)
+        # What the place sends along the ray: added by eq. (3) at real surfaces, subtracted by eq. (4) where a new
+        # surface stands before them and the last scattering was on support.
+        blocked = (on_synthetic | on_relit) & difference
+        arrived = active & ~on_synthetic & ~on_relit & ~difference & ~first
+        radiance += throughput * self._before(ray, hit, blocked, blocked & on_synthetic, arrived, last, depth)
+        if self.has_emitters:
+            radiance += throughput * self._emission(si, on_synthetic, first, last, depth)
 
-            covered |= first & (on_synthetic | on_relit)
+        covered |= first & (on_synthetic | on_relit)
 
-            # Only new surfaces and the seen side of support scatter, up to the last bounce; holes are passed after it too.
-            outside = dr.dot(hit.normal, ray.d) < 0.0
-            on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & outside
-            bsdf = si.bsdf(ray)
-            scatters = depth < self.max_bounces
-            active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(bsdf))
-            rho, specular_scale = self._reflectance(hit, active & on_support)
-            active &= on_synthetic | (dr.max(rho) > 0.0) | ((hit.gloss > 0) & (dr.max(specular_scale) > 0.0))
-            point = dr.select(on_synthetic, si.p, hit.point)
-            normal = dr.select(on_synthetic, si.n, hit.normal)
-            cones: Cones | None = None
-            if bounds is not None:
-                cones = bounds.cones(point)
+        # Only new surfaces and the seen side of support scatter, up to the last bounce; holes are passed after it too.
+        outside = dr.dot(hit.normal, ray.d) < 0.0
+        on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & outside
+        bsdf = si.bsdf(ray)
+        scatters = depth < self.max_bounces
+        active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(bsdf))
+        rho, specular_scale = self._reflectance(hit, active & on_support)
+        if cache is not None:
+            known, mean, begins, here = self._remembered(cache, path, hit, active & on_support)
+            radiance += dr.select(known, throughput * rho * mean, 0.0)
+            active &= ~known
+            # What a path learns is all that it finds from here on, were the support white.
+            cell = dr.select(begins, here, cell)
+            radiance, throughput = dr.select(begins, 0.0, radiance), dr.select(begins, 1.0, throughput)
+            rho = dr.select(begins, 1.0, rho)
+        active &= on_synthetic | (dr.max(rho) > 0.0) | ((hit.gloss > 0) & (dr.max(specular_scale) > 0.0))
+        point = dr.select(on_synthetic, si.p, hit.point)
+        normal = dr.select(on_synthetic, si.n, hit.normal)
+        cones: Cones | None = None
+        if bounds is not None:
+            cones = bounds.cones(point)
 
-            # Roulette: by the light still carried, and on support by what could still be met.
-            wandering = on_support & ~on_relit & ~first
-            carried = dr.max(throughput)
-            if cones is not None:
-                reach = dr.clip(WANDERING_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_REACH, 1.0)
-                carried *= dr.select(wandering, reach, 1.0)
-            weighed = wandering | (depth >= ROULETTE_DEPTH)
-            survival = dr.select(weighed, dr.clip(carried, 0.0, LARGEST_SURVIVAL), 1.0)
-            active &= randoms.next(active) < survival
-            throughput *= dr.rcp(dr.maximum(survival, 1e-6))
+        # Roulette: by the light still carried, and on support by what could still be met.
+        wandering = on_support & ~on_relit & ~first
+        carried = dr.max(throughput)
+        if cones is not None:
+            reach = dr.clip(WANDERING_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_REACH, 1.0)
+            carried *= dr.select(wandering, reach, 1.0)
+        weighed = wandering | (depth >= ROULETTE_DEPTH)
+        survival = dr.select(weighed, dr.clip(carried, 0.0, LARGEST_SURVIVAL), 1.0)
+        active &= randoms.next(active) < survival
+        throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
-            in_difference = active & on_support & ~on_relit
-            # A ray that is not aimed carries more for it: what is heavy already is aimed less, lest weights multiply.
-            aim = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
-            support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, aim, specular_scale)
-            vertex = Vertex(point, normal, si, bsdf, support, active & on_synthetic, active & on_support, in_difference)
+        in_difference = active & on_support & ~on_relit
+        # A ray that is not aimed carries more for it: what is heavy already is aimed less, lest weights multiply.
+        aim = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
+        support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, aim, specular_scale)
+        vertex = Vertex(point, normal, si, bsdf, support, active & on_synthetic, active & on_support, in_difference)
 
-            # Light sampling, section 2. In a difference, what decides is whether the one shadow ray is blocked, so
-            # that its candidates weigh no more than one sample.
-            weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
-            radiance += throughput * self._direct(
-                randoms, context, vertex, active & scatters, first, weight_samples, depth
-            )
+        # Light sampling, section 2. In a difference, what decides is whether the one shadow ray is blocked, so
+        # that its candidates weigh no more than one sample.
+        weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
+        radiance += throughput * self._direct(randoms, context, vertex, active & scatters, first, weight_samples, depth)
 
-            # The next direction.
-            choice, x, y = randoms.direction(first, active)
-            drawn, weight = vertex.bsdf.sample(context, si, choice, mi.Point2f(x, y), vertex.on_synthetic)
-            support_direction = support.sample(choice, mi.Point2f(x, y))
-            support_value, support_pdf = support.evaluate(support_direction)
-            direction = dr.select(vertex.on_support, support_direction, si.to_world(drawn.wo))
-            throughput *= dr.select(vertex.on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
-            pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
-            pdf = dr.select(vertex.on_support, support_pdf, pdf)
+        # The next direction.
+        choice, x, y = randoms.direction(first, active)
+        drawn, weight = vertex.bsdf.sample(context, si, choice, mi.Point2f(x, y), vertex.on_synthetic)
+        support_direction = support.sample(choice, mi.Point2f(x, y))
+        support_value, support_pdf = support.evaluate(support_direction)
+        direction = dr.select(vertex.on_support, support_direction, si.to_world(drawn.wo))
+        throughput *= dr.select(vertex.on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
+        pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
+        pdf = dr.select(vertex.on_support, support_pdf, pdf)
 
-            # Passing through a mask's hole is no scattering: what was known of the last one stays.
-            through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
-            last.point = dr.select(through, last.point, point)
-            last.pdf = dr.select(through, last.pdf, pdf)
-            last.weight_samples = dr.select(through, last.weight_samples, weight_samples)
-            # What it blocks was subtracted when it was met, so that what shows through it counts in full.
-            difference = mi.Bool(in_difference)
-            covered &= ~(through & first)
-            depth = dr.select(through, depth, depth + 1)
-            first &= through
-            ray = leave(point, normal, direction)
-            active &= (dr.max(throughput) > 0.0) & (scatters | through)
-
-        return CameraSamples(radiance & ~covered, radiance & covered, covered)
+        # Passing through a mask's hole is no scattering: what was known of the last one stays.
+        through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
+        last.point = dr.select(through, last.point, point)
+        last.pdf = dr.select(through, last.pdf, pdf)
+        last.weight_samples = dr.select(through, last.weight_samples, weight_samples)
+        # What it blocks was subtracted when it was met, so that what shows through it counts in full.
+        difference = mi.Bool(in_difference)
+        covered &= ~(through & first)
+        depth = dr.select(through, depth, depth + 1)
+        first &= through
+        ray = leave(point, normal, direction)
+        active &= (dr.max(throughput) > 0.0) & (scatters | through)
+        return DifferencePath(randoms, ray, active, radiance, throughput, first, covered, depth, cell, difference, last)
 
     # -- The terms ----------------------------------------------------------------------------------------------
 
@@ -226,6 +269,31 @@ class DifferenceIntegrator(Integrator):
         radiance, pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - last.point), wanted)
         value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), depth)
         return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
+
+    def _remembered(
+        self, cache: ChangeCache, path: DifferencePath, hit: RealHit, on_support: mi.Bool
+    ) -> tuple[mi.Bool, mi.Color3f, mi.Bool, mi.UInt64]:
+        """Where paths may end in a cell, or begin to learn about it: on plain support that they meet from a wide angle.
+
+        There the mean over the cell is as good as the point that happens to be met.
+
+        Args:
+            cache: the cells.
+            path: which arrive.
+            hit: what they meet.
+            on_support: which of the active ones meet support.
+
+        Returns:
+            Which end, the mean for these, which begin to learn, and the cells of all.
+        """
+        here, edge = cache.cell(hit.point, hit.normal)
+        cosine = dr.maximum(-dr.dot(hit.normal, path.ray.d), 1e-3)
+        footprint = dr.square(hit.distance) / (path.last.pdf * cosine)
+        wide = ~path.first & (path.last.pdf > 0.0) & (footprint > WIDTH * dr.square(edge))
+        eligible = on_support & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0) & wide
+        asks = cache.learning & (path.cell == NO_CELL)
+        known, mean = cache.look_up(here, eligible & ~asks)
+        return known, mean, eligible & asks, here
 
     def _emission(
         self,
@@ -284,7 +352,8 @@ class DifferenceIntegrator(Integrator):
         if self.has_emitters:
             from_map = choice < self.map_share
             choice = dr.select(from_map, choice / self.map_share, choice)
-        choice, gain = self._most_useful(randoms, context, vertex, active & from_map, choice, weight_samples)
+        chance = dr.select(first, randoms.spread("candidate")[0], randoms.next(active))
+        choice, gain = self._most_useful(context, vertex, active & from_map, choice, chance, weight_samples)
         light = self.place.light(choice, active & from_map)
         direction, distance, pdf = self.place.toward(light, vertex.point)
         weighed = pdf * weight_samples
@@ -310,11 +379,11 @@ class DifferenceIntegrator(Integrator):
     @dr.syntax
     def _most_useful(
         self,
-        randoms: Randoms,
         context: mi.BSDFContext,
         vertex: Vertex,
         active: mi.Bool,
         choice: mi.Float,
+        chance: mi.Float,
         weight_samples: mi.Float,
     ) -> tuple[mi.Float, mi.Float]:
         """One out of several light samples of the map, in proportion to what they would bring if nothing were between.
@@ -323,17 +392,18 @@ class DifferenceIntegrator(Integrator):
         ray is traced. On support, a candidate that no object's bound is near of brings nothing.
 
         Args:
-            randoms: random numbers of the paths.
             context: for the BSDFs.
             vertex: where light arrives.
             active: which paths take a sample.
             choice: uniform random number that picks the first candidate; the others follow evenly.
+            chance: uniform random number that picks one among them.
             weight_samples: for how many samples of the map's light multiple importance sampling takes them.
 
         Returns:
             The number to give to :meth:`Place.light`, and the factor on what it brings.
         """
         kept, kept_target, total = mi.Float(choice), mi.Float(0.0), mi.Float(0.0)
+        chance = mi.Float(chance)
         candidate = mi.UInt32(0)
         while candidate < CANDIDATES:
             number = choice + mi.Float(candidate) * (1.0 / CANDIDATES)
@@ -345,7 +415,10 @@ class DifferenceIntegrator(Integrator):
             counts = (pdf > 0.0) & (~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction))
             target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
             total += target
-            taken = randoms.next(active) * total < target
+            # One random number serves all candidates: what is left of it after each choice is uniform again.
+            share = target / dr.maximum(total, 1e-30)
+            taken = chance < share
+            chance = dr.select(taken, chance, chance - share) / dr.maximum(dr.select(taken, share, 1.0 - share), 1e-12)
             kept, kept_target = dr.select(taken, number, kept), dr.select(taken, target, kept_target)
             candidate += 1
         return kept, dr.select(kept_target > 0.0, total / dr.maximum(kept_target, 1e-30), 0.0)

@@ -7,7 +7,7 @@ the numbers in brackets below refer to its list of deviations.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -23,7 +23,8 @@ from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
 from lightdepth.scene.model import Panorama, Scene
 from lightdepth.transport.bounds import ObjectBounds
-from lightdepth.transport.integrator import CameraSamples, Integrator
+from lightdepth.transport.change_cache import NO_CELL, ChangeCache
+from lightdepth.transport.integrator import CameraSamples, Integrator, Path
 from lightdepth.transport.place import Place
 from lightdepth.transport.randoms import Randoms
 
@@ -108,7 +109,24 @@ def _scale_factors(
     return total / np.maximum(facing, SMALLEST_SHARE * total)
 
 
-class EnvpathIntegrator(Integrator):
+@dataclass
+class EnvpathPath(Path):
+    """Paths of algorithm 1.
+
+    Attributes:
+        photograph: what the support surface that the camera sees sent before.
+        synthetic_path: ``pt``: which met a new surface last.
+        previous: where they scattered last, world, metres.
+        previous_pdf: density of that direction per steradian; 0 where light sampling could not draw it.
+    """
+
+    photograph: mi.Color3f
+    synthetic_path: mi.Bool
+    previous: mi.Point3f
+    previous_pdf: mi.Float
+
+
+class EnvpathIntegrator(Integrator[EnvpathPath]):
     """The paper's method.
 
     Args:
@@ -134,100 +152,132 @@ class EnvpathIntegrator(Integrator):
         total = float((panorama.radiance.mean(axis=1) @ LUMINANCE) @ angles * panorama.radiance.shape[1])
         self.total_luminance = dr.opaque(mi.Float, total)
 
-    @dr.syntax
-    def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
-        """Algorithm 1 along each camera ray."""
-        ray, active = mi.Ray3f(ray), mi.Bool(active)
-        radiance, throughput = mi.Color3f(0.0), mi.Color3f(1.0)
-        photograph = mi.Color3f(0.0)
-        synthetic_path, first, covered = mi.Bool(False), mi.Bool(True), mi.Bool(False)
-        previous, previous_pdf = mi.Point3f(ray.o), mi.Float(0.0)
-        depth = mi.UInt32(0)
+    def begin(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> EnvpathPath:
+        """As the base says."""
+        return EnvpathPath(
+            randoms,
+            mi.Ray3f(ray),
+            mi.Bool(active),
+            radiance=mi.Color3f(0.0),
+            throughput=mi.Color3f(1.0),
+            first=mi.Bool(True),
+            covered=mi.Bool(False),
+            depth=mi.UInt32(0),
+            cell=mi.UInt64(NO_CELL),
+            photograph=mi.Color3f(0.0),
+            synthetic_path=mi.Bool(False),
+            previous=mi.Point3f(ray.o),
+            previous_pdf=mi.Float(0.0),
+        )
+
+    def samples(self, path: EnvpathPath) -> CameraSamples:
+        """As the base says."""
+        # The film adds the plate; what the support point sends now less what it sent before is the change.
+        change = dr.select(path.covered, 0.0, path.radiance - path.photograph)
+        return CameraSamples(change, dr.select(path.covered, path.radiance, 0.0), mi.Bool(path.covered))
+
+    def advance(self, path: EnvpathPath, cache: ChangeCache | None) -> EnvpathPath:
+        """The body of algorithm 1."""
+        randoms, ray, active = path.randoms, mi.Ray3f(path.ray), mi.Bool(path.active)
+        radiance, throughput = mi.Color3f(path.radiance), mi.Color3f(path.throughput)
+        first, covered, depth = mi.Bool(path.first), mi.Bool(path.covered), mi.UInt32(path.depth)
+        photograph, synthetic_path = mi.Color3f(path.photograph), mi.Bool(path.synthetic_path)
+        previous, previous_pdf = path.previous, path.previous_pdf
         context = mi.BSDFContext()
 
-        while active:
-            found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
-            on_real = active & self.surfaces.is_real(found)
-            on_synthetic = active & found.is_valid() & ~on_real
-            hit = self.surfaces.real_hit(ray, found, on_real)
-            on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & (dr.dot(hit.normal, ray.d) < 0.0)
-            on_environment = active & ~on_synthetic & ~on_support
-            si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        on_real = active & self.surfaces.is_real(found)
+        on_synthetic = active & found.is_valid() & ~on_real
+        hit = self.surfaces.real_hit(ray, found, on_real)
+        on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & (dr.dot(hit.normal, ray.d) < 0.0)
+        on_environment = active & ~on_synthetic & ~on_support
+        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
 
-            # Lines 8 to 11, eq. 4. At i = 0 this is the plate, which the film has already.
-            seen, map_pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - previous), on_environment)
-            arrived = on_environment & synthetic_path
-            weight = dr.select(previous_pdf > 0.0, previous_pdf / (previous_pdf + map_pdf), 1.0)  # (4)
-            radiance += dr.select(arrived, throughput * seen * weight, 0.0)
-            active &= ~on_environment
+        # Lines 8 to 11, eq. 4. At i = 0 this is the plate, which the film has already.
+        seen, map_pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - previous), on_environment)
+        arrived = on_environment & synthetic_path
+        weight = dr.select(previous_pdf > 0.0, previous_pdf / (previous_pdf + map_pdf), 1.0)  # (4)
+        radiance += dr.select(arrived, throughput * seen * weight, 0.0)
+        active &= ~on_environment
 
-            # Lines 12 and 13; ``pt`` is of the last vertex (5).
-            direct_support = on_support & (synthetic_path | first)
-            synthetic_path = mi.Bool(on_synthetic)
-            covered |= first & on_synthetic
-            if dr.hint(self.has_emitters, mode="scalar"):
-                emitter = si.emitter(self.surfaces.all, on_synthetic)
-                shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
-                radiance += dr.select(shines, throughput * emitter.eval(si, shines), 0.0)  # (7)
-            active &= depth < self.max_bounces
-            on_support &= active
-            on_synthetic &= active
+        # Lines 12 and 13; ``pt`` is of the last vertex (5).
+        direct_support = on_support & (synthetic_path | first)
+        synthetic_path = mi.Bool(on_synthetic)
+        covered |= first & on_synthetic
+        if self.has_emitters:
+            emitter = si.emitter(self.surfaces.all, on_synthetic)
+            shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
+            radiance += dr.select(shines, throughput * emitter.eval(si, shines), 0.0)  # (7)
+        active &= depth < self.max_bounces
+        on_support &= active
+        on_synthetic &= active
 
-            # Line 16: algorithm 2.
-            point = dr.select(on_synthetic, si.p, hit.point)
-            normal = dr.select(on_synthetic, si.n, hit.normal)
-            bsdf = si.bsdf(ray)
-            own = self.place.surface_radiance(hit, on_support)
-            factor = self.surfaces.irradiance(hit, on_support).x
-            photograph = dr.select(first & on_support, own, photograph)
-            direct_support &= active
-            number = dr.select(first, randoms.spread("light")[0], randoms.next(active))
-            light = self.place.light(number, active)
-            direction, distance, pdf = self.place.toward(light, point)
+        # Line 16: algorithm 2.
+        point = dr.select(on_synthetic, si.p, hit.point)
+        normal = dr.select(on_synthetic, si.n, hit.normal)
+        bsdf = si.bsdf(ray)
+        own = self.place.surface_radiance(hit, on_support)
+        factor = self.surfaces.irradiance(hit, on_support).x
+        photograph = dr.select(first & on_support, own, photograph)
+        direct_support &= active
+        number = dr.select(first, randoms.spread("light")[0], randoms.next(active))
+        light = self.place.light(number, active)
+        direction, distance, pdf = self.place.toward(light, point)
 
-            # Eq. 5 with the luminance that eq. 7 weights by (1); light and measure are those of the capture point (2).
-            from_capture = dr.select(light.finite, dr.normalize(light.place - self._capture), light.place)
-            light_direction = self._to_light @ from_capture
-            light_radiance, light_pdf = self.place.map.radiance_and_pdf(light_direction)
-            share = _luminance(light_radiance) / (self.total_luminance * dr.maximum(light_pdf, 1e-20))
-            cosine = dr.maximum(dr.dot(direction, hit.normal), 0.0)
-            value_support = own * (factor * cosine * share)
-            # Eq. 3, with the density that the light has as seen from the point (4).
-            value, bsdf_pdf = bsdf.eval_pdf(context, si, si.to_local(direction), on_synthetic)
-            value *= light.radiance / dr.maximum(pdf + bsdf_pdf, 1e-20)
-            useful = (direct_support & (light_pdf > 0.0)) | (on_synthetic & (pdf > 0.0))
-            toward_light = shadow_ray(point, normal, direction, distance)
-            blocked = self.surfaces.synthetic.ray_test(toward_light, coherent=False, active=useful)
-            # Table 1: from synthetic points, what lies on support or behind it comes along sampled paths.
-            beyond = leave(point, normal, direction)
-            behind = self.surfaces.first_real(beyond, useful & on_synthetic & ~blocked)
-            blocked |= on_synthetic & behind.valid & (behind.kind != int(FaceKind.ENVIRONMENT))
-            value = dr.select(on_synthetic, value, value_support)
-            radiance += dr.select(useful & ~blocked, throughput * value, 0.0)
+        # Eq. 5 with the luminance that eq. 7 weights by (1); light and measure are those of the capture point (2).
+        from_capture = dr.select(light.finite, dr.normalize(light.place - self._capture), light.place)
+        light_direction = self._to_light @ from_capture
+        light_radiance, light_pdf = self.place.map.radiance_and_pdf(light_direction)
+        share = _luminance(light_radiance) / (self.total_luminance * dr.maximum(light_pdf, 1e-20))
+        cosine = dr.maximum(dr.dot(direction, hit.normal), 0.0)
+        value_support = own * (factor * cosine * share)
+        # Eq. 3, with the density that the light has as seen from the point (4).
+        value, bsdf_pdf = bsdf.eval_pdf(context, si, si.to_local(direction), on_synthetic)
+        value *= light.radiance / dr.maximum(pdf + bsdf_pdf, 1e-20)
+        useful = (direct_support & (light_pdf > 0.0)) | (on_synthetic & (pdf > 0.0))
+        toward_light = shadow_ray(point, normal, direction, distance)
+        blocked = self.surfaces.synthetic.ray_test(toward_light, coherent=False, active=useful)
+        # Table 1: from synthetic points, what lies on support or behind it comes along sampled paths.
+        beyond = leave(point, normal, direction)
+        behind = self.surfaces.first_real(beyond, useful & on_synthetic & ~blocked)
+        blocked |= on_synthetic & behind.valid & (behind.kind != int(FaceKind.ENVIRONMENT))
+        value = dr.select(on_synthetic, value, value_support)
+        radiance += dr.select(useful & ~blocked, throughput * value, 0.0)
 
-            # Lines 18 to 26.
-            choice, x, y = randoms.direction(first, active)
-            position = mi.Point2f(x, y)
-            drawn, weight_bsdf = bsdf.sample(context, si, choice, position, on_synthetic)
-            support_direction = mi.Frame3f(hit.normal).to_world(mi.warp.square_to_cosine_hemisphere(position))
-            direction = dr.select(on_synthetic, si.to_world(drawn.wo), support_direction)
-            attenuation = dr.minimum(own * (factor * dr.pi / self.total_luminance), 1.0)  # (3)
-            throughput *= dr.select(on_synthetic, weight_bsdf, attenuation)
-            smooth = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
-            # Light sampling reaches environment from synthetic points only.
-            previous_pdf = dr.select(on_synthetic & ~smooth, drawn.pdf, 0.0)
-            previous = point
-            first = mi.Bool(False)
-            depth += 1
-            survival = dr.select(depth >= ROULETTE_DEPTH, dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL), 1.0)
-            active &= randoms.next(active) < survival
-            throughput *= dr.rcp(dr.maximum(survival, 1e-6))
-            active &= dr.max(throughput) > 0.0
-            ray = leave(point, normal, direction)
-
-        # The film adds the plate; what the support point sends now less what it sent before is the change.
-        change = dr.select(covered, 0.0, radiance - photograph)
-        return CameraSamples(change, dr.select(covered, radiance, 0.0), covered)
+        # Lines 18 to 26.
+        choice, x, y = randoms.direction(first, active)
+        position = mi.Point2f(x, y)
+        drawn, weight_bsdf = bsdf.sample(context, si, choice, position, on_synthetic)
+        support_direction = mi.Frame3f(hit.normal).to_world(mi.warp.square_to_cosine_hemisphere(position))
+        direction = dr.select(on_synthetic, si.to_world(drawn.wo), support_direction)
+        attenuation = dr.minimum(own * (factor * dr.pi / self.total_luminance), 1.0)  # (3)
+        throughput *= dr.select(on_synthetic, weight_bsdf, attenuation)
+        smooth = mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta)
+        # Light sampling reaches environment from synthetic points only.
+        previous_pdf = dr.select(on_synthetic & ~smooth, drawn.pdf, 0.0)
+        previous = point
+        first = mi.Bool(False)
+        depth += 1
+        survival = dr.select(depth >= ROULETTE_DEPTH, dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL), 1.0)
+        active &= randoms.next(active) < survival
+        throughput *= dr.rcp(dr.maximum(survival, 1e-6))
+        active &= dr.max(throughput) > 0.0
+        ray = leave(point, normal, direction)
+        return EnvpathPath(
+            randoms,
+            ray,
+            active,
+            radiance,
+            throughput,
+            first,
+            covered,
+            depth,
+            path.cell,
+            photograph,
+            synthetic_path,
+            previous,
+            previous_pdf,
+        )
 
 
 def _luminance(color: mi.Color3f) -> mi.Float:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import drjit as dr
 import mitsuba as mi
 
 from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.transport.bounds import ObjectBounds
+from lightdepth.transport.change_cache import ChangeCache
 from lightdepth.transport.place import Place
 from lightdepth.transport.randoms import Randoms
+
+CameraRays = Callable[[mi.UInt32], tuple[Randoms, mi.Ray3f, mi.Bool]]
+"""From the number of a sample in its pixel to the random numbers of its path, its camera ray in world, and whether it lies
+in the camera's image."""
 
 
 @dataclass
@@ -29,7 +36,54 @@ class CameraSamples:
     covered: mi.Bool
 
 
-class Integrator(ABC):
+@dataclass
+class CameraSums:
+    """Sums over the samples of pixels.
+
+    Attributes:
+        change: of :class:`CameraSamples`.
+        synthetic: of :class:`CameraSamples`.
+        squares: of ``change + synthetic`` of each sample, squared.
+        covered: how many samples are.
+    """
+
+    change: mi.Color3f
+    synthetic: mi.Color3f
+    squares: mi.Color3f
+    covered: mi.Float
+
+
+@dataclass
+class Path:
+    """Paths that are followed, one in each lane.
+
+    Attributes:
+        randoms: their random numbers.
+        ray: where they go, world.
+        active: which have not ended.
+        radiance: what they have found.
+        throughput: what they still carry of what they find.
+        first: which have not scattered yet.
+        covered: which met a new surface first.
+        depth: scatterings so far.
+        cell: where a path has learnt its ``radiance``, or ``NO_CELL``; see :class:`ChangeCache`.
+    """
+
+    randoms: Randoms
+    ray: mi.Ray3f
+    active: mi.Bool
+    radiance: mi.Color3f
+    throughput: mi.Color3f
+    first: mi.Bool
+    covered: mi.Bool
+    depth: mi.UInt32
+    cell: mi.UInt64
+
+
+PathKind = TypeVar("PathKind", bound=Path)
+
+
+class Integrator(ABC, Generic[PathKind]):
     """Base of the methods' integrators.
 
     Args:
@@ -48,12 +102,58 @@ class Integrator(ABC):
         self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
         self.has_emitters = len(surfaces.all.emitters()) > 0
 
-    @abstractmethod
-    def sample(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> CameraSamples:
-        """Follow one path along each camera ray.
+    def new_cache(self) -> ChangeCache | None:
+        """An empty cache for the paths of one image; ``None`` where it would serve nothing."""
+        return None
+
+    @dr.syntax
+    def sample(self, camera: CameraRays, lanes: int, count: mi.UInt32, cache: ChangeCache | None) -> CameraSums:
+        """Follow paths, in every lane ``count`` of them one after the other.
+
+        A lane takes up its next path when one ends: side by side, paths of very different lengths would wait for the
+        longest.
 
         Args:
-            randoms: random numbers of the paths; advanced.
+            camera: camera rays by the number of the sample in its lane.
+            lanes: how many.
+            count: paths in each.
+            cache: what is known of the support's change, from :meth:`new_cache`.
+        """
+        sums = dr.zeros(CameraSums, lanes)
+        lane, number, width = dr.arange(mi.UInt32, lanes), mi.UInt32(0), dr.opaque(mi.UInt32, lanes)
+        learnt = _nothing if cache is None else cache.record
+        path = self.begin(*camera(number))
+        while number < count:
+            path = self.advance(path, cache)
+            ended = ~path.active
+            samples = self.samples(path)
+            learnt(number * width + lane, path.cell, path.radiance, ended)
+            sums.change += samples.change & ended
+            sums.synthetic += samples.synthetic & ended
+            sums.squares += dr.square(samples.change + samples.synthetic) & ended
+            sums.covered += dr.select(ended & samples.covered, 1.0, 0.0)
+            number += dr.select(ended, mi.UInt32(1), mi.UInt32(0))
+            path = dr.select(ended, self.begin(*camera(number)), path)
+        return sums
+
+    @abstractmethod
+    def begin(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> PathKind:
+        """Paths along camera rays.
+
+        Args:
+            randoms: random numbers of the paths.
             ray: camera rays, world.
             active: rays outside the camera's image are not followed.
         """
+
+    @abstractmethod
+    def advance(self, path: PathKind, cache: ChangeCache | None) -> PathKind:
+        """Follow paths to what they meet next, and scatter there."""
+
+    @abstractmethod
+    def samples(self, path: PathKind) -> CameraSamples:
+        """What paths that have ended estimate."""
+
+
+def _nothing(*_: object) -> None:
+    """Where nothing is learnt."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mitsuba as mi
 import numpy as np
@@ -36,7 +37,7 @@ class Prepared:
 
     place: Place
     surfaces: TracedSurfaces
-    integrator: Integrator
+    integrator: Integrator[Any]
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
 

@@ -11,6 +11,7 @@ STEPS = {
     "film": (0.7548776662, 0.5698402910),
     "lens": (0.7548776662, 0.5698402910),
     "light": (0.6180339887,),
+    "candidate": (0.4142135624,),
     "direction": (0.8191725134, 0.6710436067, 0.5497004779),
 }
 """Additive recurrences by what they are for: the golden ratio and its relatives in two and three dimensions."""
