@@ -126,21 +126,10 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         """As the base says."""
         return ChangeCache(self.bounds) if self.bounds is not None and self.has_support else None
 
-    def begin(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> DifferencePath:
+    def begin(self, path: Path) -> DifferencePath:
         """As the base says."""
-        return DifferencePath(
-            randoms,
-            mi.Ray3f(ray),
-            mi.Bool(active),
-            radiance=mi.Color3f(0.0),
-            throughput=mi.Color3f(1.0),
-            first=mi.Bool(True),
-            covered=mi.Bool(False),
-            depth=mi.UInt32(0),
-            cell=mi.UInt64(NO_CELL),
-            difference=mi.Bool(False),
-            last=LastScattering(mi.Point3f(ray.o), mi.Float(0.0), mi.Float(1.0)),
-        )
+        last = LastScattering(mi.Point3f(path.ray.o), mi.Float(0.0), mi.Float(1.0))
+        return DifferencePath(**vars(path), difference=mi.Bool(False), last=last)
 
     def samples(self, path: DifferencePath) -> CameraSamples:
         """As the base says."""

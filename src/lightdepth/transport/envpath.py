@@ -23,10 +23,9 @@ from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
 from lightdepth.scene.model import Panorama, Scene
 from lightdepth.transport.bounds import ObjectBounds
-from lightdepth.transport.change_cache import NO_CELL, ChangeCache
+from lightdepth.transport.change_cache import ChangeCache
 from lightdepth.transport.integrator import CameraSamples, Integrator, Path
 from lightdepth.transport.place import Place
-from lightdepth.transport.randoms import Randoms
 
 LIGHTS = 256
 """K, the lights of the median cut (paper, section 5.5)."""
@@ -152,21 +151,13 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         total = float((panorama.radiance.mean(axis=1) @ LUMINANCE) @ angles * panorama.radiance.shape[1])
         self.total_luminance = dr.opaque(mi.Float, total)
 
-    def begin(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> EnvpathPath:
+    def begin(self, path: Path) -> EnvpathPath:
         """As the base says."""
         return EnvpathPath(
-            randoms,
-            mi.Ray3f(ray),
-            mi.Bool(active),
-            radiance=mi.Color3f(0.0),
-            throughput=mi.Color3f(1.0),
-            first=mi.Bool(True),
-            covered=mi.Bool(False),
-            depth=mi.UInt32(0),
-            cell=mi.UInt64(NO_CELL),
+            **vars(path),
             photograph=mi.Color3f(0.0),
             synthetic_path=mi.Bool(False),
-            previous=mi.Point3f(ray.o),
+            previous=mi.Point3f(path.ray.o),
             previous_pdf=mi.Float(0.0),
         )
 

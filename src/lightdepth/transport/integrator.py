@@ -12,7 +12,7 @@ import mitsuba as mi
 
 from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.transport.bounds import ObjectBounds
-from lightdepth.transport.change_cache import ChangeCache
+from lightdepth.transport.change_cache import NO_CELL, ChangeCache
 from lightdepth.transport.place import Place
 from lightdepth.transport.randoms import Randoms
 
@@ -122,7 +122,7 @@ class Integrator(ABC, Generic[PathKind]):
         sums = dr.zeros(CameraSums, lanes)
         lane, number, width = dr.arange(mi.UInt32, lanes), mi.UInt32(0), dr.opaque(mi.UInt32, lanes)
         learnt = _nothing if cache is None else cache.record
-        path = self.begin(*camera(number))
+        path = self.begin(_camera_path(*camera(number)))
         while number < count:
             path = self.advance(path, cache)
             ended = ~path.active
@@ -133,18 +133,12 @@ class Integrator(ABC, Generic[PathKind]):
             sums.squares += dr.square(samples.change + samples.synthetic) & ended
             sums.covered += dr.select(ended & samples.covered, 1.0, 0.0)
             number += dr.select(ended, mi.UInt32(1), mi.UInt32(0))
-            path = dr.select(ended, self.begin(*camera(number)), path)
+            path = dr.select(ended, self.begin(_camera_path(*camera(number))), path)
         return sums
 
     @abstractmethod
-    def begin(self, randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> PathKind:
-        """Paths along camera rays.
-
-        Args:
-            randoms: random numbers of the paths.
-            ray: camera rays, world.
-            active: rays outside the camera's image are not followed.
-        """
+    def begin(self, path: Path) -> PathKind:
+        """Paths along camera rays, with what the method keeps of them besides."""
 
     @abstractmethod
     def advance(self, path: PathKind, cache: ChangeCache | None) -> PathKind:
@@ -153,6 +147,21 @@ class Integrator(ABC, Generic[PathKind]):
     @abstractmethod
     def samples(self, path: PathKind) -> CameraSamples:
         """What paths that have ended estimate."""
+
+
+def _camera_path(randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> Path:
+    """Paths along camera rays in world; rays outside the camera's image are not ``active``."""
+    return Path(
+        randoms,
+        mi.Ray3f(ray),
+        mi.Bool(active),
+        radiance=mi.Color3f(0.0),
+        throughput=mi.Color3f(1.0),
+        first=mi.Bool(True),
+        covered=mi.Bool(False),
+        depth=mi.UInt32(0),
+        cell=mi.UInt64(NO_CELL),
+    )
 
 
 def _nothing(*_: object) -> None:
