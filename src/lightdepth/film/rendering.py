@@ -256,7 +256,7 @@ class Rendering:
         paths = int(counts.sum(dtype=np.int64))
         if self._lights_served <= 0:
             # As many as are worth their while: a small image has few paths to choose among them.
-            worth = 1 << max(FEWEST_LIGHTS, int(paths).bit_length() - 2)
+            worth = 1 << max(FEWEST_LIGHTS, paths.bit_length() - 2)
             self._prepared.place.draw_lights(self._generator, min(worth, LIGHT_SAMPLES))
             self._lights_served = LIGHTS_SERVE
         self._lights_served -= paths
@@ -313,8 +313,10 @@ def _passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.int64], NDAr
         for first in range(0, len(wanted), PATHS):
             counts = np.clip(wanted[first : first + PATHS] - begun, 0, AT_ONCE)
             order = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]
+            if not len(order):
+                continue
             packet = np.arange(len(order)) // PACKET
             order = order[np.argsort((packet % SPREAD).astype(np.uint8), kind="stable")]
             paths = np.cumsum(counts[order], dtype=np.int64)
-            for part in np.array_split(order, np.searchsorted(paths, np.arange(PATHS, paths[-1:].sum(), PATHS))):
+            for part in np.array_split(order, np.searchsorted(paths, np.arange(PATHS, paths[-1], PATHS))):
                 yield first + part, counts[part]
