@@ -22,7 +22,7 @@ UP = mi.Vector3f(0.0, 0.0, 1.0)
 def cache():
     """For one object, a unit ball at the origin."""
     edge = 1.0 / np.sqrt(3.0)
-    return ChangeCache(ObjectBounds([(np.full(3, -edge), np.full(3, edge))]))
+    return ChangeCache(ObjectBounds([(np.zeros(3), np.sqrt(3.0) * edge)]))
 
 
 def cells_of(cache, points, normal=UP):

@@ -73,6 +73,19 @@ def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | No
     return shape
 
 
+def enclosing_sphere(shape: mi.Shape) -> tuple[np.ndarray, float]:
+    """A sphere around a shape: centre of its bounding box, shape (3,), world, and radius, both in metres."""
+    box = shape.bbox()
+    low, high = np.array(box.min).ravel(), np.array(box.max).ravel()
+    centre = 0.5 * (low + high)
+    if isinstance(shape, mi.Mesh):
+        vertices = mi.traverse(shape)["vertex_positions"].numpy().reshape(-1, 3)
+        return centre, float(np.linalg.norm(vertices - centre, axis=1).max())
+    if shape.shape_type() == int(mi.ShapeType.Sphere):
+        return centre, 0.5 * float((high - low).max())
+    return centre, 0.5 * float(np.linalg.norm(high - low))
+
+
 def _flat(values: np.ndarray) -> mi.Float:
     return mi.Float(aligned(values))
 

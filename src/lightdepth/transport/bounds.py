@@ -29,12 +29,11 @@ class ObjectBounds:
     """Spheres that enclose the synthetic objects.
 
     Args:
-        boxes: the objects' bounding boxes, world, metres: pairs of corners, each of shape (3,).
+        spheres: around each of them.
     """
 
-    def __init__(self, boxes: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
-        spheres = [(0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low))) for low, high in boxes]
-        self.spheres = _merge_nearest(spheres)
+    def __init__(self, spheres: Sequence[Sphere]) -> None:
+        self.spheres = _merge_nearest(list(spheres))
         self._centres = [opaque_point(centre) for centre, _ in self.spheres]
         self._radii = [dr.opaque(mi.Float, radius) for _, radius in self.spheres]
 

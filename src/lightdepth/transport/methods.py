@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from lightdepth.kernel.real_surfaces import merge_real_surfaces
-from lightdepth.kernel.shapes import synthetic_shapes
+from lightdepth.kernel.shapes import enclosing_sphere, synthetic_shapes
 from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
 from lightdepth.scene.model import RealSurface, Role, Scene
@@ -93,6 +93,4 @@ def _real_surfaces(scene: Scene) -> Sequence[RealSurface]:
 
 
 def _bounds(shapes: tuple[tuple[int, mi.Shape], ...]) -> ObjectBounds | None:
-    boxes = [shape.bbox() for _, shape in shapes]
-    corners = [(np.array(box.min).ravel(), np.array(box.max).ravel()) for box in boxes]
-    return ObjectBounds(corners) if corners else None
+    return ObjectBounds([enclosing_sphere(shape) for _, shape in shapes]) if shapes else None
