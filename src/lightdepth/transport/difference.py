@@ -27,7 +27,7 @@ from lightdepth.transport.randoms import Randoms
 from lightdepth.transport.recovered_albedo import reflectance
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
-CANDIDATES = 6
+CANDIDATES = 12
 """Light samples looked at for each shadow ray; one is kept, in proportion to the light that would arrive."""
 ROULETTE_DEPTH = 3
 """Scatterings before paths are ended by the light that they still carry."""
