@@ -1,0 +1,176 @@
+"""What the capture point does not see: coloured like what it sees of it or near it, lit by the place around it.
+
+Theory, section 1, eq. (1b): ``M = rho E / pi`` where the photograph shows something else that stands before a point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
+from lightdepth.kernel.tracing import TracedSurfaces
+from lightdepth.transport.adaptive_irradiance import estimate_again, estimate_on_mesh
+from lightdepth.transport.irradiance import estimate_irradiance
+from lightdepth.transport.pieces import separate, wind_toward_capture, with_refined
+from lightdepth.transport.place import Place
+from lightdepth.transport.recovered_albedo import GLOWING
+
+POINTS = 4096
+"""Points spread over the real surfaces, besides one a face, to find out what is hidden."""
+WORTH_IT = 1e-3
+"""Share of the area below which nothing is done about what is hidden."""
+ROUNDS = 3
+"""Times the light of hidden surfaces is found anew: they light each other."""
+SAMPLES, VERTEX_SAMPLES = 64, 1 << 20
+"""Samples at each vertex, and at all together as a bound for fine meshes, which have some noise to share."""
+FEWEST_SAMPLES = 8
+PAIRS, PAIRS_AT_ONCE = 1 << 24, 1 << 19
+"""Hidden faces times seen points at most, and in memory."""
+SAME_PLANE, PARALLEL, SAME_PLANE_WEIGHT = 0.1, 0.95, 100.0
+"""Metres from a face's plane and cosine between normals up to which a point belongs to it, and how much more it counts."""
+ALIKE = 8.0
+"""How much less surfaces tell of each other that are not both walls, both floors, or both ceilings."""
+LARGEST_ALBEDO, SMALLEST_ALBEDO = 1.0, 1e-3
+
+
+@dataclass(frozen=True)
+class SeenPoints:
+    """Points of real surfaces that the capture point sees, shapes (n, 3) or (n,).
+
+    Attributes:
+        points: world, metres.
+        normals: unit, toward the capture point.
+        face: which face they lie on.
+        area: of the surface that each stands for, square metres.
+        radiance: M there.
+    """
+
+    points: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    face: NDArray[np.int64]
+    area: NDArray[np.float64]
+    radiance: NDArray[np.float32]
+
+
+def know_hidden(
+    place: Place, surfaces: RealSurfaces, generator: np.random.Generator, samples: int
+) -> tuple[Place, RealSurfaces]:
+    """Give what the capture point does not see an albedo and a first irradiance.
+
+    Support gets its final irradiance later, from the place as it is then known. Where next to nothing is hidden,
+    everything stays as it is.
+
+    Args:
+        place: the place before insertion, traced with ``surfaces``.
+        surfaces: the real surfaces as modelled, none of them deformed.
+        generator: source of randomness; it is left as it was.
+        samples: at most, of each technique at each point.
+
+    Returns:
+        The place with its hidden parts, traced with meshes that carry their irradiance; and the real surfaces to go on
+        with, in which hidden environment is refined and carries it, and support is as modelled.
+    """
+    generator = generator.spawn(1)[0]
+    modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
+    chosen, seen = _look(place, modelled, generator)
+    if not chosen.any() or not len(seen.points):
+        return place, surfaces
+    part = separate(modelled, chosen)
+    samples = min(samples, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(part.vertices) // 2 * 2))
+    mesh, irradiance = estimate_on_mesh(place, part, (), generator, samples)
+    unmirrored = np.zeros_like(irradiance)
+    known = with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)
+    place = place.with_surfaces(TracedSurfaces(known))
+    for _ in range(ROUNDS):
+        at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples)
+        part = replace(part, unseen_albedo=_albedo(part, np.flatnonzero(chosen), seen, at_seen))
+        known = with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)
+        place = place.with_surfaces(place.surfaces.with_values(known))
+        irradiance = estimate_again(place, mesh, generator, samples)
+    known = with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)
+    place = place.with_surfaces(place.surfaces.with_values(known))
+
+    albedo = modelled.unseen_albedo.copy()
+    albedo[chosen] = part.unseen_albedo
+    modelled = replace(modelled, unseen_albedo=albedo)
+    environment = modelled.kind == FaceKind.ENVIRONMENT
+    pieces = part.kind[mesh.parent] == FaceKind.ENVIRONMENT
+    mesh = replace(mesh, faces=mesh.faces[pieces], parent=mesh.parent[pieces])
+    return place, with_refined(modelled, chosen & environment, part, mesh, irradiance, unmirrored)
+
+
+def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) -> tuple[NDArray[np.bool_], SeenPoints]:
+    """Which faces have hidden parts, shape (m,), and points of what is seen.
+
+    Args:
+        place: the place before insertion.
+        surfaces: wound toward the capture point.
+        generator: source of randomness.
+    """
+    corners = surfaces.vertices[surfaces.faces].astype(np.float64)
+    edges = corners[:, 1:] - corners[:, :1]
+    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    counts = 1 + (POINTS * areas / max(areas.sum(), 1e-300)).astype(np.int64)
+    face = np.repeat(np.arange(len(counts)), counts)
+    area = (areas / counts)[face]
+    weights = generator.random((2, len(face), 1))
+    weights = np.where(weights.sum(axis=0) > 1.0, 1.0 - weights, weights)
+    points = (corners[face, 0] + weights[0] * edges[face, 0] + weights[1] * edges[face, 1]).astype(np.float32)
+    normals = face_normals(surfaces.vertices, surfaces.faces)[face]
+
+    sees, hides, radiance = place.sight(_vectors(points), _vectors(normals))
+    hidden = hides.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
+    chosen = np.bincount(face[hidden], minlength=len(counts)) > 0
+    if area[hidden].sum() <= WORTH_IT * area.sum():
+        chosen[:] = False
+    front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
+    kept = np.flatnonzero(sees.numpy() & front)
+    most = max(1, PAIRS // max(int(chosen.sum()), 1))
+    if len(kept) > most:
+        kept = generator.choice(kept, most, replace=False)
+    return chosen, SeenPoints(points[kept], normals[kept], face[kept], area[kept], radiance.numpy().T[kept])
+
+
+def _albedo(
+    part: RealSurfaces, number: NDArray[np.int64], seen: SeenPoints, irradiance: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """What faces reflect where they are hidden, shape (m, 3); 0 where their own seen part glows.
+
+    It is the mean of what is seen: of the same plane if possible, else of what faces up or down as much, and the nearest
+    before all.
+
+    Args:
+        part: the faces with hidden parts.
+        number: of these among all faces, shape (m,).
+        seen: what the capture point sees of all faces.
+        irradiance: at these points, shape (n, 3).
+    """
+    glows = (np.pi * seen.radiance > GLOWING * irradiance).any(axis=1)
+    total = int(max(number.max(), seen.face.max())) + 1
+    own, glowing = (np.bincount(seen.face, seen.area * mask, total)[number] for mask in (~glows, glows))
+
+    sent = (seen.area * ~glows)[:, None] * np.concatenate([np.pi * seen.radiance, irradiance], axis=1)
+    corners = part.vertices[part.faces].astype(np.float64)
+    edges = corners[:, 1:] - corners[:, :1]
+    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    centres, normals = corners.mean(axis=1), face_normals(part.vertices, part.faces).astype(np.float64)
+    means = np.zeros((len(part.faces), 6))
+    for chunk in np.array_split(np.arange(len(part.faces)), -(-len(part.faces) * len(seen.points) // PAIRS_AT_ONCE)):
+        offset = seen.points - centres[chunk, None]
+        squared = np.einsum("ijk,ijk->ij", offset, offset) + areas[chunk, None]
+        height = np.abs(np.einsum("ijk,ik->ij", offset, normals[chunk]))
+        same_plane = (height < SAME_PLANE) & (normals[chunk] @ seen.normals.T > PARALLEL)
+        unlike = np.square(normals[chunk, 2:] - seen.normals[:, 2])
+        means[chunk] = (np.exp(-ALIKE * unlike) * np.where(same_plane, SAME_PLANE_WEIGHT, 1.0) / squared**2) @ sent
+    albedo = np.clip(means[:, :3] / np.maximum(means[:, 3:], 1e-30), SMALLEST_ALBEDO, LARGEST_ALBEDO)
+    return np.where((glowing > own)[:, None], 0.0, albedo).astype(np.float32)
+
+
+def _vectors(values: NDArray[np.float32]) -> mi.Vector3f:
+    """Vectors of shape (n, 3)."""
+    return mi.Vector3f(*(mi.Float(aligned(axis)) for axis in values.T))
