@@ -83,17 +83,17 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
         no_faces = np.zeros(0, np.uint32)
         return RealSurfaces(empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, empty, empty, empty)
     merged = np.concatenate(vertices).astype(np.float32)
-    kind = np.concatenate(kinds)
+    kind_of_faces = np.concatenate(kinds)
     return RealSurfaces(
         merged,
         np.concatenate(faces).astype(np.int32),
-        kind,
+        kind_of_faces,
         np.concatenate(gloss_numbers),
         tuple(glosses),
         np.concatenate(rests).astype(np.float32),
         np.zeros_like(merged),
         np.zeros_like(merged),
-        np.zeros((len(kind), 3), np.float32),
+        np.zeros((len(kind_of_faces), 3), np.float32),
     )
 
 

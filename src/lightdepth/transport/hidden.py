@@ -26,11 +26,12 @@ WORTH_IT = 1e-3
 """Share of the area below which nothing is done about what is hidden."""
 ROUNDS = 3
 """Times the light of hidden surfaces is found anew: they light each other."""
-SAMPLES, VERTEX_SAMPLES = 64, 1 << 20
-"""Samples at each vertex, and at all together as a bound for fine meshes, which have some noise to share."""
-FEWEST_SAMPLES = 8
-PAIRS, PAIRS_AT_ONCE = 1 << 24, 1 << 19
-"""Hidden faces times seen points at most, and in memory."""
+MESH_SAMPLES = 16
+"""Samples for finding a mesh; few, which keeps it coarse: every other place's irradiance is recovered with it."""
+SAMPLES, VERTEX_SAMPLES, FEWEST_SAMPLES = 64, 1 << 20, 8
+"""Samples at each vertex of it, at all together as a bound, and at the least; many vertices share their noise."""
+PAIRS = 1 << 22
+"""Hidden faces times seen points at most."""
 SAME_PLANE, PARALLEL, SAME_PLANE_WEIGHT = 0.1, 0.95, 100.0
 """Metres from a face's plane and cosine between normals up to which a point belongs to it, and how much more it counts."""
 ALIKE = 8.0
@@ -81,19 +82,17 @@ def know_hidden(
     if not chosen.any() or not len(seen.points):
         return place, surfaces
     part = separate(modelled, chosen)
-    samples = min(samples, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(part.vertices) // 2 * 2))
-    mesh, irradiance = estimate_on_mesh(place, part, (), generator, samples)
+    mesh, irradiance = estimate_on_mesh(place, part, (), generator, min(samples, MESH_SAMPLES))
+    samples = min(samples, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(mesh.points) // 2 * 2))
     unmirrored = np.zeros_like(irradiance)
-    known = with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)
-    place = place.with_surfaces(TracedSurfaces(known))
+    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)))
+    likeness, number = _likeness(part, seen), np.flatnonzero(chosen)
     for _ in range(ROUNDS):
         at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples)
-        part = replace(part, unseen_albedo=_albedo(part, np.flatnonzero(chosen), seen, at_seen))
-        known = with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)
-        place = place.with_surfaces(place.surfaces.with_values(known))
+        part = replace(part, unseen_albedo=_albedo(likeness, number, seen, at_seen))
+        place = _with_values(place, with_refined(modelled, chosen, part, mesh, irradiance, unmirrored))
         irradiance = estimate_again(place, mesh, generator, samples)
-    known = with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)
-    place = place.with_surfaces(place.surfaces.with_values(known))
+    place = _with_values(place, with_refined(modelled, chosen, part, mesh, irradiance, unmirrored))
 
     albedo = modelled.unseen_albedo.copy()
     albedo[chosen] = part.unseen_albedo
@@ -136,39 +135,47 @@ def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) 
     return chosen, SeenPoints(points[kept], normals[kept], face[kept], area[kept], radiance.numpy().T[kept])
 
 
-def _albedo(
-    part: RealSurfaces, number: NDArray[np.int64], seen: SeenPoints, irradiance: NDArray[np.float32]
-) -> NDArray[np.float32]:
-    """What faces reflect where they are hidden, shape (m, 3); 0 where their own seen part glows.
+def _likeness(part: RealSurfaces, seen: SeenPoints) -> NDArray[np.float32]:
+    """How much each seen point tells of the colour of each face, shape (m, n).
 
-    It is the mean of what is seen: of the same plane if possible, else of what faces up or down as much, and the nearest
-    before all.
+    Most of all what lies in the same plane, then what faces up or down as much; and the nearest before all.
 
     Args:
         part: the faces with hidden parts.
-        number: of these among all faces, shape (m,).
-        seen: what the capture point sees of all faces.
+        seen: what the capture point sees.
+    """
+    corners = part.vertices[part.faces].astype(np.float64)
+    centre, normal = corners.mean(axis=1), face_normals(part.vertices, part.faces).astype(np.float64)
+    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    squared = np.square(centre).sum(axis=1)[:, None] + np.square(seen.points).sum(axis=1) - 2.0 * centre @ seen.points.T
+    height = np.abs((centre * normal).sum(axis=1)[:, None] - normal @ seen.points.T)
+    same_plane = (height < SAME_PLANE) & (normal @ seen.normals.T > PARALLEL)
+    weight = np.exp(-ALIKE * np.square(normal[:, 2:] - seen.normals[:, 2])) / np.square(squared + area[:, None])
+    return (weight * np.where(same_plane, SAME_PLANE_WEIGHT, 1.0) * seen.area).astype(np.float32)
+
+
+def _albedo(
+    likeness: NDArray[np.float32], number: NDArray[np.int64], seen: SeenPoints, irradiance: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """What faces reflect where they are hidden, shape (m, 3); 0 where their own seen part glows.
+
+    Args:
+        likeness: from :func:`_likeness`.
+        number: of the faces among all, shape (m,).
+        seen: what the capture point sees.
         irradiance: at these points, shape (n, 3).
     """
     glows = (np.pi * seen.radiance > GLOWING * irradiance).any(axis=1)
     total = int(max(number.max(), seen.face.max())) + 1
-    own, glowing = (np.bincount(seen.face, seen.area * mask, total)[number] for mask in (~glows, glows))
+    matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[number] for mask in (~glows, glows))
+    sent, received = likeness[:, ~glows] @ seen.radiance[~glows], likeness[:, ~glows] @ irradiance[~glows]
+    albedo = np.clip(np.pi * sent / np.maximum(received, 1e-30), SMALLEST_ALBEDO, LARGEST_ALBEDO)
+    return np.where((glowing > matt)[:, None], 0.0, albedo).astype(np.float32)
 
-    sent = (seen.area * ~glows)[:, None] * np.concatenate([np.pi * seen.radiance, irradiance], axis=1)
-    corners = part.vertices[part.faces].astype(np.float64)
-    edges = corners[:, 1:] - corners[:, :1]
-    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    centres, normals = corners.mean(axis=1), face_normals(part.vertices, part.faces).astype(np.float64)
-    means = np.zeros((len(part.faces), 6))
-    for chunk in np.array_split(np.arange(len(part.faces)), -(-len(part.faces) * len(seen.points) // PAIRS_AT_ONCE)):
-        offset = seen.points - centres[chunk, None]
-        squared = np.einsum("ijk,ijk->ij", offset, offset) + areas[chunk, None]
-        height = np.abs(np.einsum("ijk,ik->ij", offset, normals[chunk]))
-        same_plane = (height < SAME_PLANE) & (normals[chunk] @ seen.normals.T > PARALLEL)
-        unlike = np.square(normals[chunk, 2:] - seen.normals[:, 2])
-        means[chunk] = (np.exp(-ALIKE * unlike) * np.where(same_plane, SAME_PLANE_WEIGHT, 1.0) / squared**2) @ sent
-    albedo = np.clip(means[:, :3] / np.maximum(means[:, 3:], 1e-30), SMALLEST_ALBEDO, LARGEST_ALBEDO)
-    return np.where((glowing > own)[:, None], 0.0, albedo).astype(np.float32)
+
+def _with_values(place: Place, surfaces: RealSurfaces) -> Place:
+    """The place with other values on the same meshes."""
+    return place.with_surfaces(place.surfaces.with_values(surfaces))
 
 
 def _vectors(values: NDArray[np.float32]) -> mi.Vector3f:
