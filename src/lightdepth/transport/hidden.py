@@ -20,7 +20,7 @@ from lightdepth.transport.pieces import separate, wind_toward_capture, with_refi
 from lightdepth.transport.place import Place
 from lightdepth.transport.recovered_albedo import GLOWING
 
-POINTS = 4096
+POINTS = 2048
 """Points spread over the real surfaces, besides one a face, to find out what is hidden."""
 WORTH_IT = 1e-3
 """Share of the area below which nothing is done about what is hidden."""
@@ -58,7 +58,7 @@ class SeenPoints:
     radiance: NDArray[np.float32]
 
 
-def know_hidden(
+def recover_hidden(
     place: Place, surfaces: RealSurfaces, generator: np.random.Generator, samples: int
 ) -> tuple[Place, RealSurfaces]:
     """Give what the capture point does not see an albedo and a first irradiance.
@@ -77,13 +77,15 @@ def know_hidden(
         with, in which hidden environment is refined and carries it, and support is as modelled.
     """
     generator = generator.spawn(1)[0]
-    modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
-    chosen, seen = _look(place, modelled, generator)
+    if not _hides_much(place, surfaces, generator):
+        return place, surfaces
+    chosen, seen = _look(place, surfaces, generator)
     if not chosen.any() or not len(seen.points):
         return place, surfaces
+    modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
     part = separate(modelled, chosen)
     mesh, irradiance = estimate_on_mesh(place, part, (), generator, min(samples, MESH_SAMPLES))
-    samples = min(samples, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(mesh.points) // 2 * 2))
+    samples = min(samples // 8 * 2, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(mesh.points) // 2 * 2))
     unmirrored = np.zeros_like(irradiance)
     place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)))
     likeness, number = _likeness(part, seen), np.flatnonzero(chosen)
@@ -103,36 +105,54 @@ def know_hidden(
     return place, with_refined(modelled, chosen & environment, part, mesh, irradiance, unmirrored)
 
 
+def _hides_much(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) -> bool:
+    """Whether so much is hidden that it is worth a closer look, told from a few points: scans have millions of faces."""
+    areas = _areas(surfaces)
+    if not areas.any():
+        return False
+    points, normals, _ = _spread(surfaces, generator.multinomial(POINTS, areas / areas.sum()), generator)
+    _, hidden, _ = place.sight(_vectors(points), _vectors(normals))
+    return float(hidden.numpy().mean()) > WORTH_IT
+
+
 def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) -> tuple[NDArray[np.bool_], SeenPoints]:
     """Which faces have hidden parts, shape (m,), and points of what is seen.
 
     Args:
         place: the place before insertion.
-        surfaces: wound toward the capture point.
+        surfaces: the real surfaces.
         generator: source of randomness.
     """
-    corners = surfaces.vertices[surfaces.faces].astype(np.float64)
-    edges = corners[:, 1:] - corners[:, :1]
-    areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    counts = 1 + (POINTS * areas / max(areas.sum(), 1e-300)).astype(np.int64)
-    face = np.repeat(np.arange(len(counts)), counts)
-    area = (areas / counts)[face]
-    weights = generator.random((2, len(face), 1))
-    weights = np.where(weights.sum(axis=0) > 1.0, 1.0 - weights, weights)
-    points = (corners[face, 0] + weights[0] * edges[face, 0] + weights[1] * edges[face, 1]).astype(np.float32)
-    normals = face_normals(surfaces.vertices, surfaces.faces)[face]
-
+    areas = _areas(surfaces)
+    counts = 1 + (POINTS * areas / areas.sum()).astype(np.int64)
+    points, normals, face = _spread(surfaces, counts, generator)
     sees, hides, radiance = place.sight(_vectors(points), _vectors(normals))
     hidden = hides.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
-    chosen = np.bincount(face[hidden], minlength=len(counts)) > 0
-    if area[hidden].sum() <= WORTH_IT * area.sum():
-        chosen[:] = False
-    front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
-    kept = np.flatnonzero(sees.numpy() & front)
+    chosen = np.bincount(face[hidden], minlength=len(areas)) > 0
+    kept = np.flatnonzero(sees.numpy())
     most = max(1, PAIRS // max(int(chosen.sum()), 1))
     if len(kept) > most:
         kept = generator.choice(kept, most, replace=False)
-    return chosen, SeenPoints(points[kept], normals[kept], face[kept], area[kept], radiance.numpy().T[kept])
+    points, normals, face = points[kept], normals[kept], face[kept]
+    away = np.einsum("ij,ij->i", normals, points - place.capture) > 0.0
+    normals = np.where(away[:, None], -normals, normals)
+    return chosen, SeenPoints(points, normals, face, (areas / counts)[face], radiance.numpy().T[kept])
+
+
+def _spread(
+    surfaces: RealSurfaces, counts: NDArray[np.int64], generator: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
+    """Random points on faces, ``counts`` of them on each: points and normals of shape (n, 3), and numbers of the faces."""
+    face = np.repeat(np.arange(len(counts)), counts)
+    weights = generator.dirichlet((1.0, 1.0, 1.0), len(face)).astype(np.float32)
+    points = np.einsum("nk,nkx->nx", weights, surfaces.vertices[surfaces.faces[face]])
+    return points, face_normals(surfaces.vertices, surfaces.faces[face]), face
+
+
+def _areas(surfaces: RealSurfaces) -> NDArray[np.float64]:
+    """Of the faces, square metres, shape (m,)."""
+    first, second, third = (surfaces.vertices[surfaces.faces[:, corner]] for corner in range(3))
+    return np.asarray(0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1), np.float64)
 
 
 def _likeness(part: RealSurfaces, seen: SeenPoints) -> NDArray[np.float32]:
@@ -144,14 +164,14 @@ def _likeness(part: RealSurfaces, seen: SeenPoints) -> NDArray[np.float32]:
         part: the faces with hidden parts.
         seen: what the capture point sees.
     """
-    corners = part.vertices[part.faces].astype(np.float64)
-    centre, normal = corners.mean(axis=1), face_normals(part.vertices, part.faces).astype(np.float64)
-    area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    centre = part.vertices[part.faces].mean(axis=1, dtype=np.float64)
+    normal = face_normals(part.vertices, part.faces).astype(np.float64)
     squared = np.square(centre).sum(axis=1)[:, None] + np.square(seen.points).sum(axis=1) - 2.0 * centre @ seen.points.T
     height = np.abs((centre * normal).sum(axis=1)[:, None] - normal @ seen.points.T)
     same_plane = (height < SAME_PLANE) & (normal @ seen.normals.T > PARALLEL)
-    weight = np.exp(-ALIKE * np.square(normal[:, 2:] - seen.normals[:, 2])) / np.square(squared + area[:, None])
-    return (weight * np.where(same_plane, SAME_PLANE_WEIGHT, 1.0) * seen.area).astype(np.float32)
+    near = 1.0 / np.square(squared + _areas(part)[:, None])
+    alike = np.exp(-ALIKE * np.square(normal[:, 2:] - seen.normals[:, 2]))
+    return (near * np.where(same_plane, SAME_PLANE_WEIGHT, alike) * seen.area).astype(np.float32)
 
 
 def _albedo(

@@ -18,7 +18,7 @@ from lightdepth.scene.model import RealSurface, Role, Scene
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import DifferenceIntegrator
 from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
-from lightdepth.transport.hidden import know_hidden
+from lightdepth.transport.hidden import recover_hidden
 from lightdepth.transport.integrator import Integrator
 from lightdepth.transport.place import Place
 from lightdepth.transport.recovered_albedo import IrradianceReport, recover_irradiance
@@ -51,7 +51,7 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     empty = Place(scene.panorama, TracedSurfaces(photographed), infinite)
     samples = scene.render.irradiance_samples
     if not (infinite or modelled.deformed):
-        empty, modelled = know_hidden(empty, modelled, generator, samples)
+        empty, modelled = recover_hidden(empty, modelled, generator, samples)
     shapes = tuple(synthetic_shapes(scene))
     bounds = _bounds(shapes)
     spheres = bounds.spheres if bounds is not None else []
