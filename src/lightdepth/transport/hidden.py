@@ -34,6 +34,8 @@ PAIRS = 1 << 22
 """Hidden faces times seen points at most."""
 SAME_PLANE, PARALLEL, SAME_PLANE_WEIGHT = 0.1, 0.95, 100.0
 """Metres from a face's plane and cosine between normals up to which a point belongs to it, and how much more it counts."""
+GLOWING_SHARE = 0.1
+"""Of a face, at least, by which it is known to glow: beside what hides it, the map's pixels mix the two."""
 ALIKE = 8.0
 """How much less surfaces tell of each other that are not both walls, both floors, or both ceilings."""
 LARGEST_ALBEDO, SMALLEST_ALBEDO = 1.0, 1e-3
@@ -79,19 +81,19 @@ def recover_hidden(
     generator = generator.spawn(1)[0]
     if not _hides_much(place, surfaces, generator):
         return place, surfaces
-    chosen, seen = _look(place, surfaces, generator)
+    modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
+    chosen, seen = _look(place, modelled, generator)
     if not chosen.any() or not len(seen.points):
         return place, surfaces
-    modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
     part = separate(modelled, chosen)
     mesh, irradiance = estimate_on_mesh(place, part, (), generator, min(samples, MESH_SAMPLES))
     samples = min(samples // 8 * 2, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(mesh.points) // 2 * 2))
     unmirrored = np.zeros_like(irradiance)
     place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)))
-    likeness, number = _likeness(part, seen), np.flatnonzero(chosen)
+    number, likeness = np.flatnonzero(chosen), _likeness(part, seen)
     for _ in range(ROUNDS):
         at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples)
-        part = replace(part, unseen_albedo=_albedo(likeness, number, seen, at_seen))
+        part = replace(part, unseen_albedo=_albedo(part, number, likeness, seen, at_seen))
         place = _with_values(place, with_refined(modelled, chosen, part, mesh, irradiance, unmirrored))
         irradiance = estimate_again(place, mesh, generator, samples)
     place = _with_values(place, with_refined(modelled, chosen, part, mesh, irradiance, unmirrored))
@@ -120,7 +122,7 @@ def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) 
 
     Args:
         place: the place before insertion.
-        surfaces: the real surfaces.
+        surfaces: the real surfaces, wound toward the capture point.
         generator: source of randomness.
     """
     areas = _areas(surfaces)
@@ -129,14 +131,13 @@ def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) 
     sees, hides, radiance = place.sight(_vectors(points), _vectors(normals))
     hidden = hides.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
     chosen = np.bincount(face[hidden], minlength=len(areas)) > 0
-    kept = np.flatnonzero(sees.numpy())
+    front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
+    kept = np.flatnonzero(sees.numpy() & front)
     most = max(1, PAIRS // max(int(chosen.sum()), 1))
     if len(kept) > most:
         kept = generator.choice(kept, most, replace=False)
-    points, normals, face = points[kept], normals[kept], face[kept]
-    away = np.einsum("ij,ij->i", normals, points - place.capture) > 0.0
-    normals = np.where(away[:, None], -normals, normals)
-    return chosen, SeenPoints(points, normals, face, (areas / counts)[face], radiance.numpy().T[kept])
+    area = (areas / counts)[face[kept]]
+    return chosen, SeenPoints(points[kept], normals[kept], face[kept], area, radiance.numpy().T[kept])
 
 
 def _spread(
@@ -175,22 +176,28 @@ def _likeness(part: RealSurfaces, seen: SeenPoints) -> NDArray[np.float32]:
 
 
 def _albedo(
-    likeness: NDArray[np.float32], number: NDArray[np.int64], seen: SeenPoints, irradiance: NDArray[np.float32]
+    part: RealSurfaces,
+    number: NDArray[np.int64],
+    likeness: NDArray[np.float32],
+    seen: SeenPoints,
+    irradiance: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """What faces reflect where they are hidden, shape (m, 3); 0 where their own seen part glows.
 
     Args:
+        part: the faces with hidden parts.
+        number: of these among all, shape (m,).
         likeness: from :func:`_likeness`.
-        number: of the faces among all, shape (m,).
         seen: what the capture point sees.
         irradiance: at these points, shape (n, 3).
     """
     glows = (np.pi * seen.radiance > GLOWING * irradiance).any(axis=1)
     total = int(max(number.max(), seen.face.max())) + 1
     matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[number] for mask in (~glows, glows))
+    lamp = glowing > np.maximum(matt, GLOWING_SHARE * _areas(part))
     sent, received = likeness[:, ~glows] @ seen.radiance[~glows], likeness[:, ~glows] @ irradiance[~glows]
     albedo = np.clip(np.pi * sent / np.maximum(received, 1e-30), SMALLEST_ALBEDO, LARGEST_ALBEDO)
-    return np.where((glowing > matt)[:, None], 0.0, albedo).astype(np.float32)
+    return np.where(lamp[:, None], 0.0, albedo).astype(np.float32)
 
 
 def _with_values(place: Place, surfaces: RealSurfaces) -> Place:
