@@ -1,5 +1,6 @@
 """What the capture point does not see: the far leg of an L-shaped room, whose walls no photograph shows."""
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -71,35 +72,41 @@ def far_leg():
     return FAR_LEG.scene(*PHOTOGRAPH, view_width=WIDTH)
 
 
-def error(found, wanted):
-    """Of the mean, and RMS of that of single pixels, both relative."""
-    return abs(found.mean() / wanted.mean() - 1.0), np.sqrt(np.mean((found - wanted) ** 2)) / wanted.mean()
+def error(found, wanted, chosen):
+    """Of the mean, and RMS of that of single pixels without the truth's own noise, both relative."""
+    found, mean, variance = (
+        image.reshape(-1, 3)[chosen.reshape(-1)] for image in (found, wanted.mean, wanted.variance)
+    )
+    squared = np.mean((found - mean) ** 2 - variance)
+    return abs(found.mean() / mean.mean() - 1.0), np.sqrt(max(squared, 0.0)) / mean.mean()
 
 
 def test_hidden_walls_have_the_radiance_that_they_have(far_leg):
-    wanted = truth(FAR_LEG, "view", WIDTH, SAMPLES, objects=False).mean.reshape(-1, 3)
+    wanted = truth(FAR_LEG, "view", WIDTH, SAMPLES, objects=False)
     place, _ = recovered(far_leg)
-    hit, hidden, radiance, pdf = look(place, far_leg.cameras["view"])
+    _, hidden, radiance, pdf = look(place, far_leg.cameras["view"])
     assert hidden.mean() > 0.5
     assert (pdf[hidden] == 0.0).all()
-    of_mean, rms = error(radiance[hidden], wanted[hidden])
+    of_mean, rms = error(radiance, wanted, hidden)
     assert of_mean < 0.04
-    assert rms < 0.12
+    assert rms < 0.16
     # What stands before them is no likeness of them.
     _, _, before, _ = look(photographed(far_leg)[0], far_leg.cameras["view"])
-    assert error(before[hidden], wanted[hidden])[1] > 0.4
+    assert error(before, wanted, hidden)[1] > 0.4
 
 
 def test_what_is_seen_is_the_photograph_bit_by_bit(far_leg):
     """From a camera that sees lamps, both legs, and faces of which the capture point sees a part."""
     view = looking((2.0, 0.2, 0.8), (2.0, 3.0, 1.5), fov=110).camera("view", 96)
-    hit, hidden, before, pdf_before = look(photographed(far_leg)[0], view)
-    _, also_hidden, after, pdf_after = look(recovered(far_leg)[0], view)
-    np.testing.assert_array_equal(hidden, also_hidden)
+    place, _ = recovered(far_leg)
+    assert place.surfaces.knows_unseen
+    plain = place.with_surfaces(copy(place.surfaces))
+    plain.surfaces.knows_unseen = False
+    (_, hidden, after, pdf_after), (_, _, before, pdf_before) = look(place, view), look(plain, view)
     assert 0.1 < hidden.mean() < 0.9
     np.testing.assert_array_equal(after[~hidden], before[~hidden])
-    np.testing.assert_allclose(pdf_after, pdf_before, rtol=1e-4)
-    assert (np.abs(after - before)[hidden] > 0.0).any(axis=1).mean() > 0.95
+    np.testing.assert_array_equal(pdf_after, pdf_before)
+    assert (after != before)[hidden].any(axis=1).mean() > 0.95
 
 
 def test_hidden_environment_stays_environment_and_hidden_support_has_the_albedo_of_what_is_seen(far_leg):
@@ -144,18 +151,19 @@ def test_where_nothing_is_hidden_nothing_is_done():
 
 
 def test_a_mirror_in_the_far_leg_shows_its_walls(monkeypatch):
-    mirror = Polished(type="polished", color=(0.9, 0.9, 0.9), roughness=0.1)
+    mirror = Polished(color=(0.9, 0.9, 0.9), roughness=0.1)
     place = looking((2.3, 2.0, 1.0), (1.7, 3.2, 0.5), ball("mirror", (1.7, 3.2), 0.5, mirror), fov=50)
     wanted = truth(place, "view", WIDTH, SAMPLES)
-    inside = wanted.coverage == 1.0
+    inside = wanted.coverage == 1.0  # By the median there, since in the lamps' reflections pixels are all or nothing.
 
     def missing():
         lightdepth.api.forget_prepared()
         scene = place.scene(*PHOTOGRAPH, view_width=WIDTH)
         scene = replace(scene, render=replace(scene.render, irradiance_samples=256))
         frame = lightdepth.render(scene, "view", samples=32)
-        return error(frame.synthetic[inside], wanted.mean[inside])[1]
+        return np.median(np.abs(frame.synthetic - wanted.mean)[inside])
 
     with_hidden = missing()
     monkeypatch.setattr(methods, "recover_hidden", lambda place, surfaces, *_: (place, surfaces))
-    assert with_hidden < 0.5 * missing()
+    without = missing()
+    assert with_hidden < 0.5 * without
