@@ -30,8 +30,8 @@ MESH_SAMPLES = 16
 """Samples for finding a mesh; few, which keeps it coarse: every other place's irradiance is recovered with it."""
 SAMPLES, VERTEX_SAMPLES, FEWEST_SAMPLES = 64, 1 << 20, 8
 """Samples at each vertex of it, at all together as a bound, and at the least; many vertices share their noise."""
-PAIRS = 1 << 22
-"""Hidden faces times seen points at most."""
+PAIRS, FEWEST_SEEN = 1 << 21, 16
+"""Hidden faces times seen points at most, but for so many seen points."""
 SAME_PLANE, PARALLEL, SAME_PLANE_WEIGHT = 0.1, 0.95, 100.0
 """Metres from a face's plane and cosine between normals up to which a point belongs to it, and how much more it counts."""
 GLOWING_SHARE = 0.1
@@ -133,7 +133,7 @@ def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) 
     chosen = np.bincount(face[hidden], minlength=len(areas)) > 0
     front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
     kept = np.flatnonzero(sees.numpy() & front)
-    most = max(1, PAIRS // max(int(chosen.sum()), 1))
+    most = max(FEWEST_SEEN, PAIRS // max(int(chosen.sum()), 1))
     if len(kept) > most:
         kept = generator.choice(kept, most, replace=False)
     area = (areas / counts)[face[kept]]
@@ -182,7 +182,7 @@ def _albedo(
     seen: SeenPoints,
     irradiance: NDArray[np.float32],
 ) -> NDArray[np.float32]:
-    """What faces reflect where they are hidden, shape (m, 3); 0 where their own seen part glows.
+    """What faces reflect where they are hidden, shape (m, 3), eq. (1b); 0 where their own seen part glows.
 
     Args:
         part: the faces with hidden parts.
@@ -197,7 +197,8 @@ def _albedo(
     lamp = glowing > np.maximum(matt, GLOWING_SHARE * _areas(part))
     sent, received = likeness[:, ~glows] @ seen.radiance[~glows], likeness[:, ~glows] @ irradiance[~glows]
     albedo = np.clip(np.pi * sent / np.maximum(received, 1e-30), SMALLEST_ALBEDO, LARGEST_ALBEDO)
-    return np.where(lamp[:, None], 0.0, albedo).astype(np.float32)
+    unknown = lamp | (received.max(axis=1) <= 0.0)
+    return np.where(unknown[:, None], 0.0, albedo).astype(np.float32)
 
 
 def _with_values(place: Place, surfaces: RealSurfaces) -> Place:
