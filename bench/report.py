@@ -33,8 +33,8 @@ objects in it (stock Mitsuba `path`, up to 32 path vertices, through the same ca
 - PSNR, SSIM and FLIP are of the sRGB image at one exposure a place.
 - *untouched* holds pixels of real surfaces that the objects change by less than 1 %: small changes there are real.
 - In the L-shaped room the capture point does not see the walls of the far leg. What projects the photograph paints them
-  with what stands before them, and metal mirrors that: it is what stays of the error of `difference` on objects there. A
-  photograph twice as wide does not help (8x8: 3.0 and 2.8 %).
+  with what stands before them, and metal mirrors that. `difference` gives them the mean colour of the walls that
+  are seen near them, and the light that arrives there.
 
 """
 

@@ -33,6 +33,8 @@ class RealSurfaces:
         rest: where each vertex takes its colour from, shape (n, 3), float32; ``vertices`` where nothing is deformed.
         irradiance: E of each vertex, linear RGB, shape (n, 3), float32; zero where it was not recovered.
         mirrored: radiance that a glossy vertex's specular lobe sent to the capture point, shape (n, 3), float32.
+        unseen_albedo: what the part of each face reflects that the capture point does not see, linear RGB, shape (m, 3),
+            float32; zero where nothing is known of it.
     """
 
     vertices: NDArray[np.float32]
@@ -43,6 +45,7 @@ class RealSurfaces:
     rest: NDArray[np.float32]
     irradiance: NDArray[np.float32]
     mirrored: NDArray[np.float32]
+    unseen_albedo: NDArray[np.float32]
 
     @property
     def deformed(self) -> bool:
@@ -78,17 +81,19 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
     if not surfaces:
         empty = np.zeros((0, 3), np.float32)
         no_faces = np.zeros(0, np.uint32)
-        return RealSurfaces(empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, empty, empty)
+        return RealSurfaces(empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, empty, empty, empty)
     merged = np.concatenate(vertices).astype(np.float32)
+    kind_of_faces = np.concatenate(kinds)
     return RealSurfaces(
         merged,
         np.concatenate(faces).astype(np.int32),
-        np.concatenate(kinds),
+        kind_of_faces,
         np.concatenate(gloss_numbers),
         tuple(glosses),
         np.concatenate(rests).astype(np.float32),
         np.zeros_like(merged),
         np.zeros_like(merged),
+        np.zeros((len(kind_of_faces), 3), np.float32),
     )
 
 

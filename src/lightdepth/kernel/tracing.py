@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, fields
 
 import drjit as dr
@@ -70,6 +71,12 @@ class TracedSurfaces:
             self._real_shape = dr.opaque(mi.UInt32, _shape_number(real["real"]))
         self._fill_tables(surfaces)
 
+    def with_values(self, surfaces: RealSurfaces) -> TracedSurfaces:
+        """The same geometry with other values at its vertices and faces."""
+        traced = copy(self)
+        traced._fill_tables(surfaces)
+        return traced
+
     def _fill_tables(self, surfaces: RealSurfaces) -> None:
         count = len(surfaces.faces)
         corners = np.zeros((max(count, 1), 4), np.uint32)
@@ -80,6 +87,8 @@ class TracedSurfaces:
         self._irradiance = mi.Float(_padded(surfaces.irradiance))
         self._mirrored = mi.Float(_padded(surfaces.mirrored)) if surfaces.glosses else None
         self._rest = mi.Float(_padded(surfaces.rest)) if self.deformed else None
+        self.knows_unseen = bool(surfaces.unseen_albedo.any())
+        self._unseen_albedo = mi.Float(_padded(surfaces.unseen_albedo)) if self.knows_unseen else None
 
     def first_real(self, ray: mi.Ray3f, active: mi.Bool) -> RealHit:
         """The first real surface along rays, looking through all synthetic ones: ``q(x, w)``."""
@@ -119,6 +128,14 @@ class TracedSurfaces:
             return mi.Color3f(0.0)
         value = self._interpolate(self._mirrored, hit, active)
         return mi.Color3f(value.x, value.y, value.z)
+
+    def unseen_radiance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Bool]:
+        """Radiance of points that the capture point does not see, ``rho E / pi``, and where it is known."""
+        if self._unseen_albedo is None:
+            return mi.Color3f(0.0), mi.Bool(False)
+        albedo = dr.gather(mi.Vector4f, self._unseen_albedo, hit.face, active)
+        known = active & (dr.max(albedo) > 0.0)
+        return mi.Color3f(albedo.x, albedo.y, albedo.z) * self.irradiance(hit, known) * dr.inv_pi, known
 
     def rest_point(self, hit: RealHit, active: mi.Bool) -> mi.Point3f:
         """Where points of real surfaces take their colour from (paper, section 5.8), world, metres."""

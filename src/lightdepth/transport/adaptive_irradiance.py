@@ -90,6 +90,14 @@ def estimate_on_mesh(
     return mesh, _smooth(_fill_dark(irradiance, mesh.faces), mesh.faces, noise)
 
 
+def estimate_again(
+    place: Place, mesh: RefinedMesh, generator: np.random.Generator, samples: int
+) -> NDArray[np.float32]:
+    """The same at the vertices of a mesh that is fine enough, shape (n, 3)."""
+    irradiance, noise = estimate_irradiance(place, mesh.inside(), mesh.vertex_normals(), generator, samples)
+    return _smooth(_fill_dark(irradiance, mesh.faces), mesh.faces, noise)
+
+
 def _deviates(
     found: NDArray[np.float32],
     irradiance: NDArray[np.float32],

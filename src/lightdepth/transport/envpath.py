@@ -74,6 +74,7 @@ def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurf
         ),
         kind=np.concatenate([surfaces.kind[~chosen], np.full(len(faces), FaceKind.SUPPORT, np.uint32)]),
         gloss=np.concatenate([surfaces.gloss[~chosen], surfaces.gloss[chosen][parent]]),
+        unseen_albedo=np.concatenate([surfaces.unseen_albedo[~chosen], surfaces.unseen_albedo[chosen][parent]]),
     )
 
 

@@ -18,6 +18,7 @@ from lightdepth.scene.model import RealSurface, Role, Scene
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import DifferenceIntegrator
 from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
+from lightdepth.transport.hidden import recover_hidden
 from lightdepth.transport.integrator import Integrator
 from lightdepth.transport.place import Place
 from lightdepth.transport.recovered_albedo import IrradianceReport, recover_irradiance
@@ -48,10 +49,13 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     # What is deformed took its colour, and the light that goes with it, where it was when it was photographed.
     photographed = replace(modelled, vertices=modelled.rest)
     empty = Place(scene.panorama, TracedSurfaces(photographed), infinite)
+    samples = scene.render.irradiance_samples
+    if not (infinite or modelled.deformed):
+        empty, modelled = recover_hidden(empty, modelled, generator, samples)
     shapes = tuple(synthetic_shapes(scene))
     bounds = _bounds(shapes)
     spheres = bounds.spheres if bounds is not None else []
-    real, report = recover_irradiance(empty, modelled, spheres, generator, scene.render.irradiance_samples)
+    real, report = recover_irradiance(empty, modelled, spheres, generator, samples)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
     place = Place(scene.panorama, surfaces, infinite) if modelled.deformed else empty.with_surfaces(surfaces)
     settings = scene.render

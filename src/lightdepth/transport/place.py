@@ -27,6 +27,8 @@ LIGHT_SAMPLES = 1 << 18
 """Light samples drawn at once; every path of a pass picks among them."""
 DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
+CLEARLY_BEFORE = 2.0
+"""Pixels of the map; what lies no further from a real point's plane does not hide it for certain."""
 
 
 @dataclass
@@ -115,7 +117,11 @@ class Place:
         cosine_here = dr.abs(dr.dot(hit.normal, direction))
         jacobian = dr.square(distance / depth) * cosine_capture / dr.maximum(cosine_here, 1e-6)
         pdf = dr.select(hit.valid, pdf * jacobian, pdf)
-        pdf = dr.select(self._capture_sees(w0, depth, cosine_capture), pdf, 0.0)
+        mapped = self._mapped_depth(w0)
+        pdf = dr.select(self._capture_sees(mapped, depth, cosine_capture), pdf, 0.0)
+        if self.surfaces.knows_unseen:
+            front = active & hit.valid & (dr.dot(hit.normal, direction) < 0.0)
+            radiance = self._unless_hidden(radiance, hit, front & self._hidden(mapped, depth, cosine_capture))
         if self.surfaces.deformed:
             rest = self.surfaces.rest_point(hit, active & hit.valid)
             at_rest = self.map.radiance(self._to_light @ dr.normalize(mi.Vector3f(rest - self._capture)))
@@ -129,9 +135,34 @@ class Place:
         return self.map.sharp_radiance(self._to_light @ seen)
 
     def surface_radiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
-        """M at points of real surfaces, at their rest positions (paper, section 5.8)."""
-        point = self.surfaces.rest_point(hit, active)
-        return self.map.radiance(self._to_light @ dr.normalize(mi.Vector3f(point - self._capture)))
+        """M at points of real surfaces seen from their front, at their rest positions (paper, section 5.8)."""
+        offset = mi.Vector3f(self.surfaces.rest_point(hit, active) - self._capture)
+        w0 = self._to_light @ dr.normalize(offset)
+        radiance = self.map.radiance(w0)
+        if not self.surfaces.knows_unseen:
+            return radiance
+        depth = dr.norm(offset)
+        cosine = dr.abs(dr.dot(hit.normal, offset)) * dr.rcp(dr.maximum(depth, 1e-20))
+        return self._unless_hidden(radiance, hit, active & self._hidden(self._mapped_depth(w0), depth, cosine))
+
+    def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
+        """Which real points the capture point sees, which it certainly does not, and what the photograph shows there.
+
+        Args:
+            point: world, metres.
+            normal: of the surface there, unit, world.
+        """
+        offset = point - mi.Vector3f(self._capture)
+        depth = dr.norm(offset)
+        direction = offset * dr.rcp(dr.maximum(depth, 1e-20))
+        w0 = self._to_light @ direction
+        cosine, mapped = dr.abs(dr.dot(normal, direction)), self._mapped_depth(w0)
+        return self._capture_sees(mapped, depth, cosine), self._hidden(mapped, depth, cosine), self.map.radiance(w0)
+
+    def _unless_hidden(self, photographed: mi.Color3f, hit: RealHit, hidden: mi.Bool) -> mi.Color3f:
+        """``photographed``, but where ``hidden`` what is known of the surface there, if anything is."""
+        unseen, known = self.surfaces.unseen_radiance(hit, hidden)
+        return dr.select(known, unseen, photographed)
 
     # -- Sampling its light -------------------------------------------------------------------------------------
 
@@ -150,7 +181,8 @@ class Place:
         else:
             hit = self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True))
             cosine = dr.abs(dr.dot(hit.normal, direction))
-            seen = self._capture_sees(w0, dr.select(hit.valid, hit.distance, dr.inf), cosine)
+            depth = dr.select(hit.valid, hit.distance, dr.inf)
+            seen = self._capture_sees(self._mapped_depth(w0), depth, cosine)
             finite, relit = hit.valid, hit.kind == int(FaceKind.RELIT)
             place = dr.select(finite, mi.Vector3f(hit.point), direction)
             normal = hit.normal
@@ -219,17 +251,30 @@ class Place:
             depth[band.rows] = dr.select(found.is_valid(), found.t, dr.inf).numpy().reshape(band.shape)
         return mi.Float(depth.reshape(-1))
 
-    def _capture_sees(self, w0: mi.Vector3f, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
+    def _mapped_depth(self, w0: mi.Vector3f) -> mi.Float:
+        """``z(w0)`` of unit directions in light space, metres, inf for sky."""
+        if self.infinite or not self.surfaces.has_real:
+            return mi.Float(dr.inf)
+        return dr.gather(mi.Float, self._depth, self.map.pixel(w0))
+
+    def _capture_sees(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
         """Whether the capture point sees a place, as shadow maps decide it: by the depth of the map in its direction.
 
         Args:
-            w0: unit direction from the capture point, light space.
+            mapped: that depth, metres, inf for sky.
             depth: the place's distance from it, metres, inf for sky.
             cosine: between the direction and the surface's normal; slanted surfaces change depth within a pixel.
         """
         if self.infinite or not self.surfaces.has_real:
             return mi.Bool(True)
-        mapped = dr.gather(mi.Float, self._depth, self.map.pixel(w0))
         tolerance = DEPTH_TOLERANCE + self._pixel_angle / dr.maximum(cosine, 0.05)
         both_sky = dr.isinf(mapped) & dr.isinf(depth)
         return both_sky | (dr.abs(depth - mapped) <= tolerance * mapped)
+
+    def _hidden(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
+        """Whether something stands clearly before a place: what the map shows there is well off the place's own plane.
+
+        By the distance from the plane, since on slanted surfaces, and between the bumps of a scan, depth alone varies
+        within a pixel by any amount. It is never so where :meth:`_capture_sees`; the arguments are the same.
+        """
+        return (depth - mapped) * cosine > (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * depth

@@ -13,15 +13,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
-from lightdepth.kernel.arrays import aligned
-from lightdepth.kernel.opaque import opaque_point
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.transport.adaptive_irradiance import DARK, estimate_on_mesh, share_of_view
 from lightdepth.transport.bounds import Sphere
 from lightdepth.transport.irradiance import estimate_irradiance, estimate_mirrored
+from lightdepth.transport.pieces import separate, wind_toward_capture, with_refined
 from lightdepth.transport.place import Place
 from lightdepth.transport.refinement import RefinedMesh
 from lightdepth.transport.support import SpecularLobes
@@ -72,8 +69,8 @@ def recover_irradiance(
     receiving = surfaces.kind != FaceKind.ENVIRONMENT
     if not receiving.any():
         return surfaces, IrradianceReport(0, 0.0, 0.0)
-    support = _separate(surfaces, receiving)
-    support = replace(support, faces=_wind_toward_capture(place, support))
+    support = separate(surfaces, receiving)
+    support = replace(support, faces=wind_toward_capture(place, support))
     mesh, irradiance = estimate_on_mesh(place, support, spheres, generator, samples)
     mirrored = np.zeros_like(irradiance)
     if surfaces.glosses:
@@ -90,63 +87,7 @@ def recover_irradiance(
             samples,
         )
     report = _check(place, mesh, irradiance, spheres, generator, 4 * samples)
-    return _merge(surfaces, receiving, support, mesh, irradiance, mirrored), report
-
-
-def _separate(surfaces: RealSurfaces, chosen: NDArray[np.bool_]) -> RealSurfaces:
-    """The chosen faces alone; their corners share a vertex only where position and face normal agree."""
-    faces = surfaces.faces[chosen]
-    normals = face_normals(surfaces.rest, faces)
-    corner = faces.reshape(-1)
-    key = np.concatenate(
-        [
-            np.round(surfaces.vertices[corner] / 1e-5),
-            np.round(surfaces.rest[corner] / 1e-5),
-            np.round(np.repeat(normals, 3, axis=0) * 1e3),
-        ],
-        axis=1,
-    ).astype(np.int64)
-    _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
-    kept = corner[first]
-    return replace(
-        surfaces,
-        vertices=surfaces.vertices[kept],
-        rest=surfaces.rest[kept],
-        irradiance=surfaces.irradiance[kept],
-        mirrored=surfaces.mirrored[kept],
-        faces=inverse.reshape(-1, 3).astype(np.int32),
-        kind=surfaces.kind[chosen],
-        gloss=surfaces.gloss[chosen],
-    )
-
-
-def _wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int32]:
-    """Wind every connected piece so that most of what the capture point sees of it faces the capture point."""
-    faces = surfaces.faces
-    centre = surfaces.rest[faces].mean(axis=1)
-    normal = face_normals(surfaces.rest, faces)
-    offset = centre - place.capture.astype(np.float32)
-    distance = np.linalg.norm(offset, axis=1)
-    direction = mi.Vector3f(*(mi.Float(aligned(axis)) for axis in (offset / distance[:, None]).T))
-    ray = mi.Ray3f(opaque_point(place.capture), direction)
-    free = place.surfaces.real.ray_intersect_preliminary(ray, coherent=False).t.numpy() > 0.999 * distance
-    twice_area = np.linalg.norm(
-        np.cross(
-            surfaces.rest[faces[:, 1]] - surfaces.rest[faces[:, 0]],
-            surfaces.rest[faces[:, 2]] - surfaces.rest[faces[:, 0]],
-        ),
-        axis=1,
-    )
-    facing = -np.sign((normal * offset).sum(axis=1)) * twice_area * np.where(free, 1.0, 1e-6)
-    count = len(surfaces.vertices)
-    _, same_position = np.unique(np.round(surfaces.vertices / 1e-5).astype(np.int64), axis=0, return_inverse=True)
-    merged = same_position.reshape(-1)[faces]
-    ones = np.ones(len(faces))
-    links = [coo_matrix((ones, (merged[:, 0], merged[:, k])), shape=(count, count)) for k in (1, 2)]
-    _, piece_of_vertex = connected_components(links[0] + links[1], directed=False)
-    piece = piece_of_vertex[merged[:, 0]]
-    turned = np.bincount(piece, weights=facing)[piece] < 0.0
-    return np.where(turned[:, None], faces[:, ::-1], faces).astype(np.int32)
+    return with_refined(surfaces, receiving, support, mesh, irradiance, mirrored), report
 
 
 def _check(
@@ -175,28 +116,6 @@ def _check(
     # The careful estimate's own noise is in the difference as well.
     error = np.sqrt(np.maximum(np.square(found - wanted) - np.square(noise * wanted), 0.0))
     return IrradianceReport(len(points), float(error.sum() / wanted.sum()), float(np.quantile(error / wanted, 0.95)))
-
-
-def _merge(
-    surfaces: RealSurfaces,
-    receiving: NDArray[np.bool_],
-    support: RealSurfaces,
-    mesh: RefinedMesh,
-    irradiance: NDArray[np.float32],
-    mirrored: NDArray[np.float32],
-) -> RealSurfaces:
-    """The environment's faces as they were, followed by the refined support."""
-    offset = len(surfaces.vertices)
-    return replace(
-        surfaces,
-        vertices=np.concatenate([surfaces.vertices, mesh.vertices]),
-        rest=np.concatenate([surfaces.rest, mesh.points]),
-        irradiance=np.concatenate([surfaces.irradiance, irradiance]),
-        mirrored=np.concatenate([surfaces.mirrored, mirrored]),
-        faces=np.concatenate([surfaces.faces[~receiving], mesh.faces + offset]),
-        kind=np.concatenate([surfaces.kind[~receiving], support.kind[mesh.parent]]),
-        gloss=np.concatenate([surfaces.gloss[~receiving], support.gloss[mesh.parent]]),
-    )
 
 
 def reflectance(radiance: mi.Color3f, irradiance: mi.Color3f, mirrored: mi.Color3f) -> tuple[mi.Color3f, mi.Color3f]:

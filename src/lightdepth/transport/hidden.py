@@ -1,0 +1,211 @@
+"""What the capture point does not see: coloured like what it sees of it or near it, lit by the place around it.
+
+Theory, section 1, eq. (1b): ``M = rho E / pi`` where the photograph shows something else that stands before a point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
+from lightdepth.kernel.tracing import TracedSurfaces
+from lightdepth.transport.adaptive_irradiance import estimate_again, estimate_on_mesh
+from lightdepth.transport.irradiance import estimate_irradiance
+from lightdepth.transport.pieces import separate, wind_toward_capture, with_refined
+from lightdepth.transport.place import Place
+from lightdepth.transport.recovered_albedo import GLOWING
+
+POINTS = 2048
+"""Points spread over the real surfaces, besides one a face, to find out what is hidden."""
+WORTH_IT = 1e-3
+"""Share of the area below which nothing is done about what is hidden."""
+ROUNDS = 3
+"""Times the light of hidden surfaces is found anew: they light each other."""
+MESH_SAMPLES = 16
+"""Samples for finding a mesh; few, which keeps it coarse: every other place's irradiance is recovered with it."""
+SAMPLES, VERTEX_SAMPLES, FEWEST_SAMPLES = 64, 1 << 20, 8
+"""Samples at each vertex of it, at all together as a bound, and at the least; many vertices share their noise."""
+PAIRS, FEWEST_SEEN = 1 << 21, 16
+"""Hidden faces times seen points at most, but for so many seen points."""
+SAME_PLANE, PARALLEL, SAME_PLANE_WEIGHT = 0.1, 0.95, 100.0
+"""Metres from a face's plane and cosine between normals up to which a point belongs to it, and how much more it counts."""
+GLOWING_SHARE = 0.1
+"""Of a face, at least, by which it is known to glow: beside what hides it, the map's pixels mix the two."""
+ALIKE = 8.0
+"""How much less surfaces tell of each other that are not both walls, both floors, or both ceilings."""
+LARGEST_ALBEDO, SMALLEST_ALBEDO = 1.0, 1e-3
+
+
+@dataclass(frozen=True)
+class SeenPoints:
+    """Points of real surfaces that the capture point sees, shapes (n, 3) or (n,).
+
+    Attributes:
+        points: world, metres.
+        normals: unit, toward the capture point.
+        face: which face they lie on.
+        area: of the surface that each stands for, square metres.
+        radiance: M there.
+    """
+
+    points: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    face: NDArray[np.int64]
+    area: NDArray[np.float64]
+    radiance: NDArray[np.float32]
+
+
+def recover_hidden(
+    place: Place, surfaces: RealSurfaces, generator: np.random.Generator, samples: int
+) -> tuple[Place, RealSurfaces]:
+    """Give what the capture point does not see an albedo and a first irradiance.
+
+    Support gets its final irradiance later, from the place as it is then known. Where next to nothing is hidden,
+    everything stays as it is.
+
+    Args:
+        place: the place before insertion, traced with ``surfaces``.
+        surfaces: the real surfaces as modelled, none of them deformed.
+        generator: source of randomness; it is left as it was.
+        samples: at most, of each technique at each point.
+
+    Returns:
+        The place with its hidden parts, traced with meshes that carry their irradiance; and the real surfaces to go on
+        with, in which hidden environment is refined and carries it, and support is as modelled.
+    """
+    generator = generator.spawn(1)[0]
+    if not _hides_much(place, surfaces, generator):
+        return place, surfaces
+    modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
+    chosen, seen = _look(place, modelled, generator)
+    if not chosen.any() or not len(seen.points):
+        return place, surfaces
+    part = separate(modelled, chosen)
+    mesh, irradiance = estimate_on_mesh(place, part, (), generator, min(samples, MESH_SAMPLES))
+    samples = min(samples // 8 * 2, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(mesh.points) // 2 * 2))
+    unmirrored = np.zeros_like(irradiance)
+    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)))
+    number, likeness = np.flatnonzero(chosen), _likeness(part, seen)
+    for _ in range(ROUNDS):
+        at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples)
+        part = replace(part, unseen_albedo=_albedo(part, number, likeness, seen, at_seen))
+        place = _with_values(place, with_refined(modelled, chosen, part, mesh, irradiance, unmirrored))
+        irradiance = estimate_again(place, mesh, generator, samples)
+    place = _with_values(place, with_refined(modelled, chosen, part, mesh, irradiance, unmirrored))
+
+    albedo = modelled.unseen_albedo.copy()
+    albedo[chosen] = part.unseen_albedo
+    modelled = replace(modelled, unseen_albedo=albedo)
+    environment = modelled.kind == FaceKind.ENVIRONMENT
+    pieces = part.kind[mesh.parent] == FaceKind.ENVIRONMENT
+    mesh = replace(mesh, faces=mesh.faces[pieces], parent=mesh.parent[pieces])
+    return place, with_refined(modelled, chosen & environment, part, mesh, irradiance, unmirrored)
+
+
+def _hides_much(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) -> bool:
+    """Whether so much is hidden that it is worth a closer look, told from a few points: scans have millions of faces."""
+    areas = _areas(surfaces)
+    if not areas.any():
+        return False
+    points, normals, _ = _spread(surfaces, generator.multinomial(POINTS, areas / areas.sum()), generator)
+    _, hidden, _ = place.sight(_vectors(points), _vectors(normals))
+    return float(hidden.numpy().mean()) > WORTH_IT
+
+
+def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) -> tuple[NDArray[np.bool_], SeenPoints]:
+    """Which faces have hidden parts, shape (m,), and points of what is seen.
+
+    Args:
+        place: the place before insertion.
+        surfaces: the real surfaces, wound toward the capture point.
+        generator: source of randomness.
+    """
+    areas = _areas(surfaces)
+    counts = 1 + (POINTS * areas / areas.sum()).astype(np.int64)
+    points, normals, face = _spread(surfaces, counts, generator)
+    sees, hides, radiance = place.sight(_vectors(points), _vectors(normals))
+    hidden = hides.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
+    chosen = np.bincount(face[hidden], minlength=len(areas)) > 0
+    front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
+    kept = np.flatnonzero(sees.numpy() & front)
+    most = max(FEWEST_SEEN, PAIRS // max(int(chosen.sum()), 1))
+    if len(kept) > most:
+        kept = generator.choice(kept, most, replace=False)
+    area = (areas / counts)[face[kept]]
+    return chosen, SeenPoints(points[kept], normals[kept], face[kept], area, radiance.numpy().T[kept])
+
+
+def _spread(
+    surfaces: RealSurfaces, counts: NDArray[np.int64], generator: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
+    """Random points on faces, ``counts`` of them on each: points and normals of shape (n, 3), and numbers of the faces."""
+    face = np.repeat(np.arange(len(counts)), counts)
+    weights = generator.dirichlet((1.0, 1.0, 1.0), len(face)).astype(np.float32)
+    points = np.einsum("nk,nkx->nx", weights, surfaces.vertices[surfaces.faces[face]])
+    return points, face_normals(surfaces.vertices, surfaces.faces[face]), face
+
+
+def _areas(surfaces: RealSurfaces) -> NDArray[np.float64]:
+    """Of the faces, square metres, shape (m,)."""
+    first, second, third = (surfaces.vertices[surfaces.faces[:, corner]] for corner in range(3))
+    return np.asarray(0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1), np.float64)
+
+
+def _likeness(part: RealSurfaces, seen: SeenPoints) -> NDArray[np.float32]:
+    """How much each seen point tells of the colour of each face, shape (m, n).
+
+    Most of all what lies in the same plane, then what faces up or down as much; and the nearest before all.
+
+    Args:
+        part: the faces with hidden parts.
+        seen: what the capture point sees.
+    """
+    centre = part.vertices[part.faces].mean(axis=1, dtype=np.float64)
+    normal = face_normals(part.vertices, part.faces).astype(np.float64)
+    squared = np.square(centre).sum(axis=1)[:, None] + np.square(seen.points).sum(axis=1) - 2.0 * centre @ seen.points.T
+    height = np.abs((centre * normal).sum(axis=1)[:, None] - normal @ seen.points.T)
+    same_plane = (height < SAME_PLANE) & (normal @ seen.normals.T > PARALLEL)
+    near = 1.0 / np.square(squared + _areas(part)[:, None])
+    alike = np.exp(-ALIKE * np.square(normal[:, 2:] - seen.normals[:, 2]))
+    return (near * np.where(same_plane, SAME_PLANE_WEIGHT, alike) * seen.area).astype(np.float32)
+
+
+def _albedo(
+    part: RealSurfaces,
+    number: NDArray[np.int64],
+    likeness: NDArray[np.float32],
+    seen: SeenPoints,
+    irradiance: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """What faces reflect where they are hidden, shape (m, 3), eq. (1b); 0 where their own seen part glows.
+
+    Args:
+        part: the faces with hidden parts.
+        number: of these among all, shape (m,).
+        likeness: from :func:`_likeness`.
+        seen: what the capture point sees.
+        irradiance: at these points, shape (n, 3).
+    """
+    glows = (np.pi * seen.radiance > GLOWING * irradiance).any(axis=1)
+    total = int(max(number.max(), seen.face.max())) + 1
+    matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[number] for mask in (~glows, glows))
+    lamp = glowing > np.maximum(matt, GLOWING_SHARE * _areas(part))
+    sent, received = likeness[:, ~glows] @ seen.radiance[~glows], likeness[:, ~glows] @ irradiance[~glows]
+    albedo = np.clip(np.pi * sent / np.maximum(received, 1e-30), SMALLEST_ALBEDO, LARGEST_ALBEDO)
+    unknown = lamp | (received.max(axis=1) <= 0.0)
+    return np.where(unknown[:, None], 0.0, albedo).astype(np.float32)
+
+
+def _with_values(place: Place, surfaces: RealSurfaces) -> Place:
+    """The place with other values on the same meshes."""
+    return place.with_surfaces(place.surfaces.with_values(surfaces))
+
+
+def _vectors(values: NDArray[np.float32]) -> mi.Vector3f:
+    """Vectors of shape (n, 3)."""
+    return mi.Vector3f(*(mi.Float(aligned(axis)) for axis in values.T))
