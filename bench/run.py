@@ -21,7 +21,7 @@ from bench.methods.registry import OWN_METHODS, Method, available
 from bench.places import PLACES
 from bench.places.place import Place
 from bench.places.wrong import WRONG
-from bench.truth import Estimate, photograph, truth
+from bench.truth import Estimate, on_plate, photograph, truth
 from lightdepth.kernel.start import start
 
 RESULTS = Path(__file__).parent / "results"
@@ -67,8 +67,7 @@ def take_shot(place: Place, camera: str, effort: Effort) -> tuple[Shot, Estimate
     panorama = photograph(place, *effort.photograph).mean.astype(np.float32)
     empty = truth(place, camera, width, effort.truth_samples, objects=False, seed=3)
     full = truth(place, camera, width, effort.truth_samples)
-    full = Estimate(full.mean, full.variance + empty.variance, full.coverage, full.samples, full.seconds)
-    return Shot(place, panorama, place.camera(camera, width), empty.mean, full.coverage), full
+    return Shot(place, panorama, place.camera(camera, width), empty.mean, full.coverage), on_plate(full, empty)
 
 
 def measured(
