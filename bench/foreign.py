@@ -21,7 +21,7 @@ from bench.methods.job import MAX_BOUNCES
 from bench.places.objects import object_set
 from bench.places.place import mitsuba_objects
 from bench.run import RESULTS
-from bench.truth import Estimate, cached, content_hash, path_trace
+from bench.truth import Estimate, cached, content_hash, on_plate, path_trace
 from lightdepth.cameras import Equirectangular
 from lightdepth.checks import Severity
 from lightdepth.checks.support import support_problems
@@ -99,7 +99,7 @@ def compare(
     photograph = traced(empty_scene, "the empty place: photograph", samples, 2)
     empty = traced(empty_scene, "the empty place", samples, 3)
     full = traced(full_scene, "the place with the objects", samples, 1)
-    full = replace(full, variance=full.variance + empty.variance)
+    full = on_plate(full, empty)
     scene = _without_hidden_support(
         Scene(
             panorama=Panorama(photograph.mean.astype(np.float32), position, np.eye(3), sky=True),

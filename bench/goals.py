@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -14,43 +15,63 @@ Table = tuple[str, list[str], list[list[str]]]
 def goals(results: dict[str, Any]) -> Iterator[Table]:
     """Titles, heads and rows of the summary's tables, of the camera ``view`` without denoising."""
     records = select(results["records"], camera="view", denoised=False)
-    places, labels = results["effort"]["places"], results["labels"]
-    yield from _converged(records, places, labels, results["effort"]["converged"])
-    yield _wrong(records, places, results["effort"]["converged"])
-    yield from _equal_error(records, places, labels, results["effort"]["budgets"][1:-1])
+    effort, labels = results["effort"], results["labels"]
+    places, budgets = effort["places"], effort["budgets"]
+    largest = select(records, model="exact", samples=budgets[-1])
+    yield _signed(largest, places, budgets[-1])
+    yield _converged(largest, places, labels, budgets[-1])
+    yield _wrong(records, places, effort["converged"])
+    yield from _equal_error(records, places, labels, budgets[1:-1])
 
 
-def _converged(
-    records: list[dict[str, Any]], places: tuple[str, ...], labels: dict[str, str], samples: int
-) -> Iterator[Table]:
-    rows_signed, rows = [], []
+def _signed(records: list[dict[str, Any]], places: tuple[str, ...], samples: int) -> Table:
+    rows = []
     for place in places:
-        found = select(records, place=place, model="exact")
-        ours = select(found, method="difference", samples=samples)
-        if not ours:
-            continue
-        measures = ours[0]["measures"]
-        rows_signed.append(
-            [place, *(f"{100 * measures[region]['signed']:+.2f} %" for region in ("influenced", "objects", "changed"))]
-        )
-        for region in ("objects", "changed", "influenced"):
-            own_error = measures[region]["block_rmse"]
-            row = [place, region, percent(own_error)]
-            for method in list(labels)[1:]:
-                theirs = max(select(found, method=method), key=lambda record: record["samples"], default=None)
-                row.append("" if theirs is None else _against(theirs["measures"][region]["block_rmse"], own_error))
-            rows.append(row)
-    yield (
-        f"Mean signed error of `difference` at {samples} samples, exact model",
+        for ours in select(records, place=place, method="difference"):
+            found = (ours["converged"].get(region) for region in ("influenced", "objects", "changed"))
+            rows.append([place, *("" if one is None else f"{100 * one['signed']:+.2f} %" for one in found)])
+    return (
+        f"Mean signed error of `difference`, exact model, mean of two renderings with {samples} samples each",
         ["place", "influenced pixels", "on objects", "changed surfaces"],
-        rows_signed,
-    )
-    yield (
-        f"Error at convergence, exact model: RMSE of the means of 8 by 8 pixels, of `difference` at {samples} samples and "
-        "of the others at their largest budget, the noise that is left included (in brackets, how many times ours)",
-        ["place", "region", *labels.values()],
         rows,
     )
+
+
+def _converged(records: list[dict[str, Any]], places: tuple[str, ...], labels: dict[str, str], samples: int) -> Table:
+    rows = []
+    for place, region in itertools.product(places, ("objects", "changed", "influenced")):
+        found = {
+            record["method"]: record["converged"][region]
+            for record in select(records, place=place)
+            if region in record["converged"]
+        }
+        ours = found.pop("difference", None)
+        if ours is None:
+            continue
+        row = [place, region, percent(ours["truth_noise"]), _with_interval(ours)]
+        rows.append(row + [_times(found[method], ours) if method in found else "" for method in list(labels)[1:]])
+    return (
+        "Error at convergence, exact model: RMSE of the means of 8 by 8 pixels, the noise of the images and of the truth "
+        f"taken out, from two renderings with {samples} samples each (in brackets, how many times ours)",
+        ["place", "region", "truth's own noise (8x8)", *labels.values()],
+        rows,
+    )
+
+
+def _with_interval(found: dict[str, float]) -> str:
+    """An error at convergence and its uncertainty; an interval where it may as well be none."""
+    if found["low"] == 0.0:
+        return f"{percent(found['error'])} (0 to {100.0 * found['high']:.2f})"
+    return f"{percent(found['error'])} ± {50.0 * (found['high'] - found['low']):.2f}"
+
+
+def _times(theirs: dict[str, float], ours: dict[str, float]) -> str:
+    """Their error at convergence, and how many times ours it is: at least, where ours may as well be none."""
+    if theirs["low"] == 0.0:
+        return _with_interval(theirs)
+    if ours["low"] == 0.0:
+        return f"{percent(theirs['error'])} (> {theirs['error'] / max(ours['high'], 1e-9):.1f}x)"
+    return _against(theirs["error"], ours["error"])
 
 
 def _against(error: float, own: float) -> str:

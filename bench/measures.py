@@ -1,4 +1,4 @@
-"""What is measured of an image against truth, region by region, with the truth's own noise taken out."""
+"""What is measured of images against truth, region by region, with the truth's own noise taken out."""
 
 from __future__ import annotations
 
@@ -16,6 +16,12 @@ INFLUENCE = 0.01
 SIGNIFICANT = 3.0
 """Standard deviations of the truth's noise by which the same must exceed it."""
 REGIONS = ("objects", "changed", "untouched", "influenced")
+BLOCK = 8
+"""Side of the blocks of pixels whose means are compared."""
+FEWEST_BLOCKS = 4
+"""Fewer of them tell nothing about how uncertain their mean is."""
+RESAMPLES = 200
+"""Of the blocks of a region, to see how uncertain the error at convergence is."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,28 @@ class Measures:
     psnr: float
     ssim: float
     flip: float | None
+
+
+@dataclass(frozen=True)
+class Converged:
+    """What two images that differ in their random numbers alone tell of the error that stays, in one region.
+
+    All figures are relative to the region's mean radiance in the truth.
+
+    Attributes:
+        signed: mean signed error of the mean of both images.
+        error: root of the mean squared error of the means of 8 by 8 pixels, without the noise of the images and of the
+            truth; 0 where the estimate of the square is not positive.
+        low: lower end of the interval that holds the error with a probability of about 68 %.
+        high: upper end of it.
+        truth_noise: what the truth's noise alone would be in ``error``, had it not been taken out.
+    """
+
+    signed: float
+    error: float
+    low: float
+    high: float
+    truth_noise: float
 
 
 def find_regions(truth: Estimate, empty: NDArray[np.float64]) -> dict[str, NDArray[np.bool_]]:
@@ -90,13 +118,60 @@ def measure(image: NDArray[np.float64], truth: Estimate, regions: dict[str, NDAr
                 float(error.sum() / reference.sum()),
                 _root(squared) / mean,
                 max(relative, 0.0),
-                _block_rmse(difference, truth.variance, mask) / mean,
+                _root(_mean(block_products(difference, difference, truth.variance, mask))) / mean,
                 float(-10.0 * np.log10(max(difference_shown, 1e-12))),
                 float(similarity[mask].mean()),
                 None if flip is None else float(flip[mask].mean()),
             )
         )
     return result
+
+
+def converged(
+    first: NDArray[np.float64], second: NDArray[np.float64], truth: Estimate, regions: dict[str, NDArray[np.bool_]]
+) -> dict[str, Any]:
+    """:class:`Converged` of every region that has enough blocks, as plain data.
+
+    The noise of the images is independent, so that it does not contribute to the mean product of their errors. The
+    truth's is the same in both, and its square is in every product; its variance is known and subtracted.
+
+    Args:
+        first: linear RGB, shape (height, width, 3).
+        second: the same rendered with another seed.
+        truth: what they should be.
+        regions: from :func:`find_regions`.
+    """
+    errors = first - truth.mean, second - truth.mean
+    result = {}
+    for name, mask in regions.items():
+        products = block_products(*errors, truth.variance, mask)
+        if len(products) < FEWEST_BLOCKS:
+            continue
+        squared, (low, high) = float(products.mean()), interval(products)
+        variances, count = _block_sums(truth.variance, mask)
+        reference = truth.mean[mask]
+        mean = float(reference.mean())
+        result[name] = asdict(
+            Converged(
+                float((errors[0] + errors[1])[mask].sum() / 2.0 / reference.sum()),
+                _root(squared) / mean,
+                _root(low) / mean,
+                # An estimate below 0 is one of an error of 0, and no more certain for that.
+                _root(max(squared, 0.0) + high - squared) / mean,
+                _root(_mean(variances / count**2)) / mean,
+            )
+        )
+    return result
+
+
+def interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Ends of the interval in which the mean of independent values, shape (n,), lies with a probability of about 68 %.
+
+    From means of the values drawn anew with repetition, as often as there are values; always the same draws.
+    """
+    drawn = np.random.default_rng(0).integers(len(values), size=(RESAMPLES, len(values)))
+    low, high = np.percentile(values[drawn].mean(axis=1), (16.0, 84.0))
+    return float(low), float(high)
 
 
 def display(radiance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -109,22 +184,41 @@ def _root(squared: float) -> float:
     return float(np.sqrt(max(squared, 0.0)))
 
 
-def _block_rmse(
-    difference: NDArray[np.float64], variance: NDArray[np.float64], mask: NDArray[np.bool_], size: int = 8
-) -> float:
-    """Root mean square of the errors of blocks' means; blocks of which less than half is in the region do not count."""
-    height, width = (length // size * size for length in mask.shape)
+def _mean(values: NDArray[np.float64]) -> float:
+    return float(values.mean()) if values.size else 0.0
 
-    def summed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        masked = np.where(mask[..., None], values, 0.0)[:height, :width]
-        return masked.reshape(height // size, size, width // size, size, -1).sum(axis=(1, 3))
+
+def block_products(
+    first: NDArray[np.float64], second: NDArray[np.float64], variance: NDArray[np.float64], mask: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """Product of two images' errors in the mean of each block of 8 by 8 pixels, without the variance that they share.
+
+    Args:
+        first: errors, shape (height, width, 3).
+        second: the same of the other image; ``first`` again gives squared errors.
+        variance: of the noise that both have in common, the truth's, the same shape.
+        mask: the region, shape (height, width); blocks of which less than half is in it do not count.
+
+    Returns:
+        Mean of the channels, shape (blocks,).
+    """
+    (one, count), (other, _), (shared, _) = (_block_sums(values, mask) for values in (first, second, variance))
+    return ((one * other - shared) / count**2).mean(axis=-1)
+
+
+def _block_sums(
+    values: NDArray[np.float64], mask: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sums over the pixels of each block that are in the region, shape (blocks, 3), and their number, (blocks, 1)."""
+    height, width = (length // BLOCK * BLOCK for length in mask.shape)
+
+    def summed(image: NDArray[np.float64]) -> NDArray[np.float64]:
+        masked = np.where(mask[..., None], image, 0.0)[:height, :width]
+        return masked.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK, -1).sum(axis=(1, 3))
 
     count = summed(np.ones((*mask.shape, 1)))
-    inside = count[..., 0] >= size * size / 2
-    if not inside.any():
-        return 0.0
-    squared = (summed(difference)[inside] ** 2 - summed(variance)[inside]) / count[inside] ** 2
-    return _root(float(squared.mean()))
+    inside = count[..., 0] >= BLOCK * BLOCK / 2
+    return summed(values)[inside], count[inside]
 
 
 def structural_similarity(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,7 +25,15 @@ virtual place, the same model of it and the same objects, and is compared with f
 objects in it (stock Mitsuba `path`, up to 32 path vertices, through the same camera).
 
 - Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and taken out of
-  every squared error.
+  every squared error. The photograph's noise is not: it is part of what every method is given.
+- The *error at convergence* is that at the largest budget without any noise. Two images A and B, rendered with different
+  random numbers, are compared with the truth T in the means of blocks of 8 by 8 pixels. The mean over the blocks of
+  (A - T) (B - T), less the variance of T, has the squared error as its expectation: the noise of A and B is independent
+  and drops out, that of T is in both factors and known. What is shown is the root, by the same rule for every method.
+  What a method prepares once for all images, such as the irradiance of surfaces, is the same in A and B: its error counts.
+- How uncertain it is (±, one standard deviation) is told by drawing the blocks anew with repetition, 200 times. Where
+  that reaches down to 0, the interval is shown instead, and how many times larger others are is given as a bound (>),
+  from its upper end. *Truth's own noise* is what would have been in all these figures, had it not been taken out.
 - All methods composite into the same plate, so that only what they add is compared.
 - *Bias* is the error that stays with more and more samples, *noise* that of one sample a pixel, both from a fit of
   `error^2 = bias^2 + noise^2 / samples` over the budgets.

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from bench.measures import find_regions, measure
+from bench.measures import converged, find_regions, measure
 from bench.methods.job import Rendered, Shot
 from bench.methods.registry import OWN_METHODS, Method, available
 from bench.places import PLACES
 from bench.places.place import Place
 from bench.places.wrong import WRONG
-from bench.truth import Estimate, photograph, truth
+from bench.truth import Estimate, on_plate, photograph, truth
 from lightdepth.kernel.start import start
 
 RESULTS = Path(__file__).parent / "results"
@@ -35,10 +35,10 @@ class Effort:
         photograph: width and samples of the panoramas that the methods are given.
         cameras: width of each camera's image.
         truth_samples: camera rays a pixel of the truth.
-        budgets: samples a pixel that each method is given; the largest is for convergence, and run once.
+        budgets: samples a pixel that each method is given; the largest is for convergence, and rendered with two seeds
+            through the camera ``view``.
         repeats: how often the other budgets are timed through the camera ``view``; what is denoised, once.
-        converged: samples a pixel of one more rendering of ``difference``, from which its bias is seen, and of the
-            product's methods with wrong models.
+        converged: samples a pixel of the product's methods with wrong models.
         places: names of the places.
         objects: the object set.
     """
@@ -54,7 +54,11 @@ class Effort:
 
 
 QUICK = Effort((128, 512), {"view": 64}, 512, (4, 8, 16), 1, 64)
-FULL = Effort((512, 512), {"view": 160, "panorama": 192}, 2048, (4, 16, 64, 256), 3, 1024)
+FULL = Effort((512, 2048), {"view": 160, "panorama": 192}, 8192, (4, 16, 64, 512), 3, 1024)
+SEEDS = (0, 4)
+"""Of each method's images; 1 to 3 are those of the truth, the photograph and the plate, and stay theirs."""
+Turn = tuple[tuple[int, ...], int]
+"""Budgets that are rendered one after the other, and the seed."""
 
 
 def take_shot(place: Place, camera: str, effort: Effort) -> tuple[Shot, Estimate]:
@@ -67,12 +71,11 @@ def take_shot(place: Place, camera: str, effort: Effort) -> tuple[Shot, Estimate
     panorama = photograph(place, *effort.photograph).mean.astype(np.float32)
     empty = truth(place, camera, width, effort.truth_samples, objects=False, seed=3)
     full = truth(place, camera, width, effort.truth_samples)
-    full = Estimate(full.mean, full.variance + empty.variance, full.coverage, full.samples, full.seconds)
-    return Shot(place, panorama, place.camera(camera, width), empty.mean, full.coverage), full
+    return Shot(place, panorama, place.camera(camera, width), empty.mean, full.coverage), on_plate(full, empty)
 
 
 def measured(
-    name: str, method: Method, shot: Shot, full: Estimate, plan: Sequence[Sequence[int]], denoise: bool
+    name: str, method: Method, shot: Shot, full: Estimate, plan: Sequence[Turn], denoise: bool
 ) -> Iterator[dict[str, Any]]:
     """Records of one method on one shot.
 
@@ -81,35 +84,41 @@ def measured(
         method: what renders.
         shot: what is rendered.
         full: the truth.
-        plan: budgets of one rendering after the other; a budget that is repeated is timed repeatedly.
+        plan: what is rendered, in turn; a budget that is repeated is timed repeatedly, and one that is rendered with two
+            seeds is measured for what stays of its error.
         denoise: with denoising or without.
     """
     regions = find_regions(full, shot.plate)
-    rendered: dict[int, list[Rendered]] = {}
-    for budgets in plan:
-        for samples, result in zip(budgets, method.render(shot, budgets, denoise), strict=True):
-            rendered.setdefault(samples, []).append(result)
+    rendered: dict[int, list[tuple[int, Rendered]]] = {}
+    for budgets, seed in plan:
+        for samples, result in zip(budgets, method.render(shot, budgets, denoise, seed), strict=True):
+            rendered.setdefault(samples, []).append((seed, result))
     for samples, results in rendered.items():
-        image = results[0].image
+        images = {seed: result.image for seed, result in reversed(results)}
+        image = images[SEEDS[0]]
         yield {
             "method": name,
             "denoised": denoise,
             "samples": samples,
-            "seconds": [round(result.seconds, 4) for result in results],
+            "seconds": [round(result.seconds, 4) for _, result in results],
             "measures": measure(image, full, regions),
+            "converged": converged(image, images[SEEDS[1]], full, regions) if len(images) == 2 else {},
             "image": image,
         }
 
 
-def plan_of(name: str, camera: str, model: str, denoise: bool, effort: Effort) -> list[tuple[int, ...]]:
-    """The budgets to render with, in turn; empty where nothing is to be measured."""
+def plan_of(name: str, camera: str, model: str, denoise: bool, effort: Effort) -> list[Turn]:
+    """What to render, in turn; empty where nothing is to be measured."""
     timed, largest = effort.budgets[:-1], effort.budgets[-1:]
+    first = SEEDS[0]
     if model != "exact":
-        return [(effort.converged,)] if name in OWN_METHODS and camera == "view" and not denoise else []
+        own = name in OWN_METHODS and camera == "view" and not denoise
+        return [((effort.converged,), first)] if own else []
     if denoise:
-        return [timed]
-    extra = (effort.converged,) if name == "difference" and camera == "view" else ()
-    return [timed] * (effort.repeats if camera == "view" else 1) + [largest + extra]
+        return [(timed, first)]
+    if camera != "view":
+        return [(timed, first), (largest, first)]
+    return [(timed, first)] * effort.repeats + [(largest, seed) for seed in SEEDS]
 
 
 def run(effort: Effort, console: Console) -> dict[str, Any]:

@@ -47,6 +47,17 @@ class Estimate:
     seconds: float
 
 
+def on_plate(full: Estimate, empty: Estimate) -> Estimate:
+    """The truth for images that were composited into ``empty``, whose noise then is part of their errors.
+
+    Args:
+        full: the place with the objects.
+        empty: the place without them; objects hide it as far as they cover a pixel.
+    """
+    seen = (1.0 - full.coverage[..., None]) ** 2
+    return dataclasses.replace(full, variance=full.variance + seen * empty.variance)
+
+
 def path_trace(
     scene: Any,
     view: CameraView,

@@ -15,6 +15,9 @@ from pathlib import Path
 import numpy as np
 import pyluxcore
 
+SEED_STEP = 1024
+"""Between the engine's seeds: each of its threads takes the next number, and no two images may share one."""
+
 job_path = Path(sys.argv[1])
 job = json.loads(job_path.read_text())
 arrays = np.load(job_path.with_suffix(".npz"))
@@ -118,7 +121,7 @@ def run(scene, settings):
         "renderengine.type": "PATHCPU",
         "sampler.type": "SOBOL",
         "sampler.sobol.adaptive.strength": 0.0,
-        "renderengine.seed": settings["seed"] + 1,
+        "renderengine.seed": SEED_STEP * settings["seed"] + 1,
         "native.threads.count": job["threads"],
         "path.pathdepth.total": job["max_bounces"] + 1,
         "path.pathdepth.diffuse": job["max_bounces"] + 1,

@@ -17,27 +17,27 @@ class Method:
 
     Attributes:
         label: for tables.
-        render: from a shot, sample counts and whether to denoise to the images, in turn.
+        render: from a shot, sample counts, whether to denoise, and the seed to the images, in turn.
         settings: its best settings, for the report.
         peer: needs ``make bench-peers``.
     """
 
     label: str
-    render: Callable[[Shot, Sequence[int], bool], list[Rendered]]
+    render: Callable[[Shot, Sequence[int], bool, int], list[Rendered]]
     settings: str
     peer: bool = False
 
 
-def _own(name: str, shot: Shot, budgets: Sequence[int], denoise: bool) -> list[Rendered]:
-    return own(shot, name, budgets, denoise)
+def _own(name: str, shot: Shot, budgets: Sequence[int], denoise: bool, seed: int) -> list[Rendered]:
+    return own(shot, name, budgets, denoise, seed)
 
 
-def _debevec(shot: Shot, budgets: Sequence[int], denoise: bool) -> list[Rendered]:
-    return [debevec(shot, samples, denoise) for samples in budgets]
+def _debevec(shot: Shot, budgets: Sequence[int], denoise: bool, seed: int) -> list[Rendered]:
+    return [debevec(shot, samples, denoise, seed) for samples in budgets]
 
 
-def _worker(script: str, workflow: str, shot: Shot, budgets: Sequence[int], denoise: bool) -> list[Rendered]:
-    renders = [{"workflow": workflow, "samples": samples, "denoise": denoise, "seed": 0} for samples in budgets]
+def _worker(script: str, workflow: str, shot: Shot, budgets: Sequence[int], denoise: bool, seed: int) -> list[Rendered]:
+    renders = [{"workflow": workflow, "samples": samples, "denoise": denoise, "seed": seed} for samples in budgets]
     return run_worker(script, shot, renders)
 
 
