@@ -55,7 +55,9 @@ LEARNING_SHARE = 0.1
 FIRST_SHARE, FIRST_PATHS = 0.25, 1 << 15
 """at first so many, but no more than so many,"""
 LEARNING_PATHS = 16
-"""in lanes of so many."""
+"""in lanes of so many,"""
+WORTH_LEARNING = 1 << 14
+"""and later no fewer than so many at once."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ class Rendering:
         self._generator = np.random.default_rng(seed)
         self._lights_served = 0
         self._cache = prepared.integrator.new_cache()
+        self._learning_due = 0.0
         self._error, self._error_time = 0.0, -math.inf
         dr.flush_malloc_cache()  # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
 
@@ -269,10 +272,13 @@ class Rendering:
         """Let as many paths learn as the next ``paths`` that estimate pixels call for."""
         if self._cache is None:
             return
-        wanted = LEARNING_SHARE * paths
+        self._learning_due += LEARNING_SHARE * paths
         if not self._accumulator.taken.any():
-            wanted = max(wanted, min(FIRST_SHARE * paths, FIRST_PATHS))
-        lanes = math.ceil(wanted / LEARNING_PATHS)
+            self._learning_due = max(self._learning_due, min(FIRST_SHARE * paths, FIRST_PATHS))
+        elif self._learning_due < WORTH_LEARNING:
+            return
+        lanes = math.ceil(self._learning_due / LEARNING_PATHS)
+        self._learning_due = 0.0
         pixels = self._generator.choice(self.pixels, lanes)
         with self._cache.learn(lanes * LEARNING_PATHS):
             first = self._generator.integers(1 << 32, size=lanes)
