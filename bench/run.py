@@ -34,7 +34,8 @@ class Effort:
     Attributes:
         photograph: width and samples of the panoramas that the methods are given.
         cameras: width of each camera's image.
-        truth_samples: camera rays a pixel of the truth.
+        truth_samples: camera rays a pixel of the truth of each camera's image; the error at convergence is measured
+            through ``view``.
         budgets: samples a pixel that each method is given; the largest is for convergence, and rendered with two seeds
             through the camera ``view``.
         repeats: how often the other budgets are timed through the camera ``view``; what is denoised, once.
@@ -45,7 +46,7 @@ class Effort:
 
     photograph: tuple[int, int]
     cameras: dict[str, int]
-    truth_samples: int
+    truth_samples: dict[str, int]
     budgets: tuple[int, ...]
     repeats: int
     converged: int
@@ -53,8 +54,8 @@ class Effort:
     objects: str = "mixed"
 
 
-QUICK = Effort((128, 512), {"view": 64}, 512, (4, 8, 16), 1, 64)
-FULL = Effort((512, 2048), {"view": 160, "panorama": 192}, 8192, (4, 16, 64, 512), 3, 1024)
+QUICK = Effort((128, 512), {"view": 64}, {"view": 512}, (4, 8, 16), 1, 64)
+FULL = Effort((512, 2048), {"view": 160, "panorama": 192}, {"view": 8192, "panorama": 2048}, (4, 16, 64, 512), 3, 1024)
 SEEDS = (0, 4)
 """Of each method's images; 1 to 3 are those of the truth, the photograph and the plate, and stay theirs."""
 Turn = tuple[tuple[int, ...], int]
@@ -69,8 +70,8 @@ def take_shot(place: Place, camera: str, effort: Effort) -> tuple[Shot, Estimate
     """
     width = effort.cameras[camera]
     panorama = photograph(place, *effort.photograph).mean.astype(np.float32)
-    empty = truth(place, camera, width, effort.truth_samples, objects=False, seed=3)
-    full = truth(place, camera, width, effort.truth_samples)
+    empty = truth(place, camera, width, effort.truth_samples[camera], objects=False, seed=3)
+    full = truth(place, camera, width, effort.truth_samples[camera])
     return Shot(place, panorama, place.camera(camera, width), empty.mean, full.coverage), on_plate(full, empty)
 
 
