@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
 
@@ -79,7 +80,7 @@ def enclosing_sphere(shape: mi.Shape) -> tuple[np.ndarray, float]:
     low, high = np.array(box.min).ravel(), np.array(box.max).ravel()
     centre = 0.5 * (low + high)
     if isinstance(shape, mi.Mesh):
-        vertices = mi.traverse(shape)["vertex_positions"].numpy().reshape(-1, 3)
+        vertices = shape.vertex_position(dr.arange(mi.UInt32, shape.vertex_count())).numpy().T
         return centre, float(np.linalg.norm(vertices - centre, axis=1).max())
     if shape.shape_type() == int(mi.ShapeType.Sphere):
         return centre, 0.5 * float((high - low).max())

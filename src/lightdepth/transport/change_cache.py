@@ -24,6 +24,8 @@ SMALLEST_EDGE, LARGEST_EDGE = 0.001, 4.0
 """Metres."""
 FEWEST_RECORDS = 4
 """Records before a cell is used."""
+FEWEST_ENTRIES = 2
+"""Of the list of cells, known or not: looking up a list of one makes a kernel of its own, a second to compile."""
 SEARCH_STEPS = 22
 """Halvings of the list of cells: it may hold as many as two to this power, less one."""
 COORDINATE_BITS, FACING_BITS = 18, 3
@@ -133,10 +135,11 @@ class ChangeCache:
     def _upload(self) -> None:
         known = self._records >= FEWEST_RECORDS
         count = int(known.sum())
-        means = aligned_empty((max(count, 1), 4))
+        size = max(count, FEWEST_ENTRIES)
+        means = aligned_empty((size, 4))
         means[:] = 0.0
         means[:count, :3] = self._sums[known] / self._records[known, None]
-        cells = np.zeros(max(count, 1), np.uint64)
+        cells = np.zeros(size, np.uint64)
         cells[:count] = self._cells[known]
         self._means = mi.Float(means.reshape(-1))
         self._known = mi.UInt64(aligned(cells, np.uint64))

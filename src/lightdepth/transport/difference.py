@@ -34,7 +34,7 @@ ROULETTE_DEPTH = 3
 LARGEST_SURVIVAL = 0.99
 WIDTH = 1.0
 """Smallest footprint of a path, relative to a cell's area, where the cell's mean is used."""
-WANDERING_GAIN, SMALLEST_REACH = 6.0, 0.5
+WANDERING_GAIN, SMALLEST_REACH = 6.0, 0.75
 """A path on support surfaces goes on with this many times the share of the hemisphere that objects fill."""
 
 
