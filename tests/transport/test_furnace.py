@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 
 import lightdepth
+from lightdepth.kernel.start import start
 from lightdepth.scene.materials import Glass, Metal, MitsubaBsdf, Principled
 from lightdepth.scene.model import Gloss
 from tests.transport.places import HIGH, LOW, WHITE, ball, picture, room, with_floor_alone_as_support
+
+start()
+from lightdepth.transport.difference import DifferenceIntegrator  # noqa: E402 - needs a variant of Mitsuba
 
 MIRROR = MitsubaBsdf(type="mitsuba", mitsuba={"type": "conductor", "material": "none"})
 LOSSLESS = {
@@ -66,12 +70,16 @@ def test_a_glossy_support_counts_its_reflection_once():
     assert frame.beauty.mean() == pytest.approx(1.0, abs=0.005)
 
 
-def test_a_white_room_of_support_keeps_its_light_and_paths_their_weight():
+@pytest.mark.parametrize("cells", [False, True])
+def test_a_white_room_of_support_keeps_its_light_and_paths_their_weight(cells, monkeypatch):
     """The hardest case: nothing absorbs, so that any weight that grows from vertex to vertex would show as an outlier.
 
     Where paths are cut off after some bounces, those that end on the ball have lost the light that it blocks and not
     got back the light that it scatters; after a few bounces in white, vertices lie anywhere with the same density.
+    What cells remember, the paths of a picture share, so that its mean varies more from picture to picture.
     """
+    if not cells:
+        monkeypatch.setattr(DifferenceIntegrator, "new_cache", lambda self: None)
     radius = 0.4
     scene = room(1.0, [ball(WHITE, radius=radius)], max_bounces=16)
     means = [picture(scene, "view", 128, seed).beauty.mean() for seed in range(8)]
@@ -79,4 +87,4 @@ def test_a_white_room_of_support_keeps_its_light_and_paths_their_weight():
     walls = 2.0 * (width * depth + width * height + depth * height)
     on_the_ball = 4.0 * np.pi * radius**2 / (4.0 * np.pi * radius**2 + walls)
     assert np.mean(means) == pytest.approx(1.0 - on_the_ball, abs=0.005)
-    assert np.std(means, ddof=1) < 0.005
+    assert np.std(means, ddof=1) < (0.01 if cells else 0.0025)
