@@ -21,8 +21,7 @@ UP = mi.Vector3f(0.0, 0.0, 1.0)
 @pytest.fixture
 def cache():
     """For one object, a unit ball at the origin."""
-    edge = 1.0 / np.sqrt(3.0)
-    return ChangeCache(ObjectBounds([(np.zeros(3), np.sqrt(3.0) * edge)]))
+    return ChangeCache(ObjectBounds([(np.zeros(3), 1.0)]))
 
 
 def cells_of(cache, points, normal=UP):

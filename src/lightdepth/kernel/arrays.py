@@ -28,3 +28,8 @@ def aligned(values: ArrayLike, dtype: DTypeLike = np.float32) -> NDArray:
     result = aligned_empty(array.shape, dtype)
     result[...] = array
     return result.reshape(-1)
+
+
+def aligned_columns(rows: NDArray) -> list[NDArray]:
+    """The columns of an array of shape (n, k), each as :func:`aligned` gives it."""
+    return [aligned(column) for column in rows.T]

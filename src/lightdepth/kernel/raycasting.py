@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.real_surfaces import face_normals
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import Mesh
@@ -98,8 +98,8 @@ def _cast(
     import mitsuba as mi
 
     ray = mi.Ray3f(
-        mi.Point3f(*(mi.Float(aligned(axis)) for axis in origins.T)),
-        mi.Vector3f(*(mi.Float(aligned(axis)) for axis in directions.T)),
+        mi.Point3f(*map(mi.Float, aligned_columns(origins))),
+        mi.Vector3f(*map(mi.Float, aligned_columns(directions))),
     )
     found = scene.ray_intersect_preliminary(ray, coherent=True)
     valid = found.is_valid()

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.transport.adaptive_irradiance import estimate_again, estimate_on_mesh
@@ -210,4 +210,4 @@ def _with_values(place: Place, surfaces: RealSurfaces) -> Place:
 
 def _vectors(values: NDArray[np.float32]) -> mi.Vector3f:
     """Vectors of shape (n, 3)."""
-    return mi.Vector3f(*(mi.Float(aligned(axis)) for axis in values.T))
+    return mi.Vector3f(*map(mi.Float, aligned_columns(values)))

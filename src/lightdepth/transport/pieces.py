@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.opaque import opaque_point
 from lightdepth.kernel.real_surfaces import RealSurfaces, face_normals
 from lightdepth.transport.place import Place
@@ -52,7 +52,7 @@ def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int3
     normal = face_normals(surfaces.rest, faces)
     offset = centre - place.capture.astype(np.float32)
     distance = np.linalg.norm(offset, axis=1)
-    direction = mi.Vector3f(*(mi.Float(aligned(axis)) for axis in (offset / distance[:, None]).T))
+    direction = mi.Vector3f(*map(mi.Float, aligned_columns(offset / distance[:, None])))
     ray = mi.Ray3f(opaque_point(place.capture), direction)
     free = place.surfaces.real.ray_intersect_preliminary(ray, coherent=False).t.numpy() > 0.999 * distance
     twice_area = np.linalg.norm(

@@ -119,9 +119,8 @@ class Place:
         pdf = dr.select(hit.valid, pdf * jacobian, pdf)
         mapped = self._mapped_depth(w0)
         pdf = dr.select(self._capture_sees(mapped, depth, cosine_capture), pdf, 0.0)
-        if self.surfaces.knows_unseen:
-            front = active & hit.valid & (dr.dot(hit.normal, direction) < 0.0)
-            radiance = self._unless_hidden(radiance, hit, front & self._hidden(mapped, depth, cosine_capture))
+        front = active & hit.valid & (dr.dot(hit.normal, direction) < 0.0)
+        radiance = self._unless_hidden(radiance, hit, front & self._hidden(mapped, depth, cosine_capture))
         if self.surfaces.deformed:
             rest = self.surfaces.rest_point(hit, active & hit.valid)
             at_rest = self.map.radiance(self._to_light @ dr.normalize(mi.Vector3f(rest - self._capture)))
@@ -136,14 +135,8 @@ class Place:
 
     def surface_radiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
         """M at points of real surfaces seen from their front, at their rest positions (paper, section 5.8)."""
-        offset = mi.Vector3f(self.surfaces.rest_point(hit, active) - self._capture)
-        w0 = self._to_light @ dr.normalize(offset)
-        radiance = self.map.radiance(w0)
-        if not self.surfaces.knows_unseen:
-            return radiance
-        depth = dr.norm(offset)
-        cosine = dr.abs(dr.dot(hit.normal, offset)) * dr.rcp(dr.maximum(depth, 1e-20))
-        return self._unless_hidden(radiance, hit, active & self._hidden(self._mapped_depth(w0), depth, cosine))
+        _, hidden, radiance = self.sight(mi.Vector3f(self.surfaces.rest_point(hit, active)), hit.normal)
+        return self._unless_hidden(radiance, hit, active & hidden)
 
     def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
         """Which real points the capture point sees, which it certainly does not, and what the photograph shows there.
@@ -161,6 +154,8 @@ class Place:
 
     def _unless_hidden(self, photographed: mi.Color3f, hit: RealHit, hidden: mi.Bool) -> mi.Color3f:
         """``photographed``, but where ``hidden`` what is known of the surface there, if anything is."""
+        if not self.surfaces.knows_unseen:
+            return photographed
         unseen, known = self.surfaces.unseen_radiance(hit, hidden)
         return dr.select(known, unseen, photographed)
 
