@@ -128,3 +128,49 @@ def test_depth_of_field_is_sharp_at_focus_and_blurs_by_the_circle_of_confusion()
 def test_impossible_cameras_are_refused(camera, settings):
     with pytest.raises(ValidationError):
         camera(**settings)
+
+
+CAMERAS = {
+    "panorama": Equirectangular(type="equirectangular", width=64),
+    "dome": Fisheye(type="fisheye", width=51, fov=220),
+    "equisolid dome": Fisheye(type="fisheye", width=51, fov=180, mapping="equisolid"),
+    "view": Perspective(type="perspective", width=40, height=30, fov=70, shift=(0.2, -0.1)),
+    "lens": Perspective(type="perspective", width=40, height=30, fov=50, aperture=0.3, focus_distance=2.0),
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_the_film_shows_a_point_where_its_ray_leaves(name):
+    camera = CAMERAS[name]
+    generator = np.random.default_rng(1)
+    x, y, *lens = generator.uniform(0.02, 0.98, (4, 500)).astype(np.float32)
+    origin, direction, inside = rays(camera, x, y, lens)
+    target = origin + direction * generator.uniform(0.3, 9.0, (500, 1))
+    target[::100, 1] = -np.abs(target[::100, 1]) - 5.0  # Behind the camera.
+    target[::100, ::2] = 0.01
+    start_point, film, seen = camera.film_points(
+        mi.Point3f(*target.T.astype(np.float32)), mi.Point2f(*(np.float32(part) for part in lens))
+    )
+    seen = seen.numpy() & np.ones(500, bool)
+    behind = np.arange(500) % 100 == 0
+    kept = inside & ~behind
+    assert seen[kept].all()
+    assert seen[behind].all() == (name == "panorama")
+    np.testing.assert_allclose((start_point.numpy().T + np.zeros((500, 3)))[kept], origin[kept], atol=1e-6)
+    np.testing.assert_allclose(film.numpy().T[kept], np.stack([x, y], axis=1)[kept], atol=3e-5)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_solid_angle_is_that_between_neighbouring_rays(name):
+    camera = CAMERAS[name]
+    generator = np.random.default_rng(2)
+    x, y, *lens = generator.uniform(0.15, 0.85, (4, 200))
+    step = 1e-3
+    _, direction, inside = rays(camera, x, y, lens)
+    _, right, _ = rays(camera, x + step, y, lens)
+    _, left, _ = rays(camera, x - step, y, lens)
+    _, above, _ = rays(camera, x, y + step, lens)
+    _, below, _ = rays(camera, x, y - step, lens)
+    found = np.linalg.norm(np.cross(right - left, above - below), axis=1) / (2 * step) ** 2
+    wanted = camera.solid_angle(mi.Vector3f(*direction.T.astype(np.float32))).numpy() * np.ones(200)
+    np.testing.assert_allclose(found[inside], wanted[inside], rtol=2e-3)

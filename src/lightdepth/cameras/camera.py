@@ -44,3 +44,20 @@ class Camera(BaseModel):
             see nothing (outside a fisheye's circle).
         """
         raise NotImplementedError
+
+    def film_points(self, target: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f, mi.Bool]:
+        """Where the film shows points: :meth:`camera_rays` turned round.
+
+        Args:
+            target: points in camera space, metres.
+            lens: as for :meth:`camera_rays`.
+
+        Returns:
+            ``(origins, film, inside)``: the ray through ``film`` that starts at the origin, in camera space, meets the
+            point. Where not ``inside`` the film does not show it.
+        """
+        raise NotImplementedError
+
+    def solid_angle(self, direction: mi.Vector3f) -> mi.Float:
+        """Steradians that rays of one origin fill per unit of film area, around unit directions in camera space."""
+        raise NotImplementedError

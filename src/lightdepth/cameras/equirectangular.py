@@ -29,3 +29,16 @@ class Equirectangular(Camera):
         sin_theta, cos_theta = dr.sincos(dr.pi * film.y)
         sin_phi, cos_phi = dr.sincos(dr.two_pi * (film.x - 0.5))
         return mi.Point3f(0.0), mi.Vector3f(sin_theta * sin_phi, sin_theta * cos_phi, cos_theta), mi.Bool(True)
+
+    def film_points(self, target: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f, mi.Bool]:  # noqa: D102
+        import drjit as dr
+        import mitsuba as mi
+
+        direction = dr.normalize(mi.Vector3f(target))
+        x = 0.5 + dr.atan2(direction.x, direction.y) / dr.two_pi
+        return mi.Point3f(0.0), mi.Point2f(x, dr.safe_acos(direction.z) / dr.pi), mi.Bool(True)
+
+    def solid_angle(self, direction: mi.Vector3f) -> mi.Float:  # noqa: D102
+        import drjit as dr
+
+        return dr.two_pi * dr.pi * dr.safe_sqrt(1.0 - dr.square(direction.z))

@@ -43,3 +43,27 @@ class Fisheye(Camera):
         sin_theta, cos_theta = dr.sincos(theta)
         scale = dr.select(radius > 0.0, sin_theta / dr.maximum(radius, 1e-20), 0.0)
         return mi.Point3f(0.0), mi.Vector3f(x * scale, cos_theta, z * scale), inside
+
+    def film_points(self, target: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f, mi.Bool]:  # noqa: D102
+        import drjit as dr
+        import mitsuba as mi
+
+        off_axis = dr.sqrt(dr.square(target.x) + dr.square(target.z))
+        theta = dr.atan2(off_axis, target.y)
+        if self.mapping == "equidistant":
+            radius = theta / math.radians(0.5 * self.fov)
+        else:
+            radius = dr.sin(0.5 * theta) / math.sin(math.radians(0.25 * self.fov))
+        scale = radius / dr.maximum(off_axis, 1e-20)
+        film = mi.Point2f(0.5 + 0.5 * scale * target.x, 0.5 - 0.5 * scale * target.z)
+        return mi.Point3f(0.0), film, (radius <= 1.0) & (theta <= math.radians(0.5 * self.fov))
+
+    def solid_angle(self, direction: mi.Vector3f) -> mi.Float:  # noqa: D102
+        import drjit as dr
+        import mitsuba as mi
+
+        if self.mapping == "equisolid":
+            return mi.Float(16.0 * math.sin(math.radians(0.25 * self.fov)) ** 2)
+        sine = dr.sqrt(dr.square(direction.x) + dr.square(direction.z))
+        theta = dr.atan2(sine, direction.y)
+        return math.radians(self.fov) ** 2 * dr.select(theta > 1e-3, sine / dr.maximum(theta, 1e-3), 1.0)

@@ -54,12 +54,43 @@ class Perspective(Camera):
         import drjit as dr
         import mitsuba as mi
 
-        half_width = math.tan(math.radians(0.5 * self.fov))
+        half_width = self._half_width()
         x = half_width * (2.0 * film.x - 1.0 + 2.0 * self.shift[0])
         z = half_width * ((1.0 - 2.0 * film.y) * (self.height / self.width) + 2.0 * self.shift[1])
         direction = mi.Vector3f(x, 1.0, z)
         if self.aperture == 0.0:
             return mi.Point3f(0.0), dr.normalize(direction), mi.Bool(True)
-        disk = self.aperture * mi.warp.square_to_uniform_disk_concentric(lens)
-        origin = mi.Point3f(disk.x, 0.0, disk.y)
+        origin = self._lens_point(lens)
         return origin, dr.normalize(self._sharp_distance() * direction - origin), mi.Bool(True)
+
+    def film_points(self, target: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f, mi.Bool]:  # noqa: D102
+        import drjit as dr
+        import mitsuba as mi
+
+        origin, sharp_distance = self._lens_point(lens), self._sharp_distance()
+        # Where the ray crosses the plane in focus, relative to its distance.
+        through = origin + (target - origin) * (sharp_distance / dr.maximum(target.y, 1e-20))
+        x, z = through.x / sharp_distance, through.z / sharp_distance
+        half_width = self._half_width()
+        right = 0.5 * (x / half_width + 1.0) - self.shift[0]
+        up = (z / half_width - 2.0 * self.shift[1]) * (self.width / self.height)
+        film = mi.Point2f(right, 0.5 * (1.0 - up))
+        inside = (target.y > 0.0) & (film.x >= 0.0) & (film.x < 1.0) & (film.y >= 0.0) & (film.y < 1.0)
+        return origin, film, inside
+
+    def solid_angle(self, direction: mi.Vector3f) -> mi.Float:  # noqa: D102
+        import drjit as dr
+
+        cosine = dr.maximum(direction.y, 0.0)
+        return 4.0 * self._half_width() ** 2 * (self.height / self.width) * cosine * dr.square(cosine)
+
+    def _half_width(self) -> float:
+        """Half the image's width at distance 1."""
+        return math.tan(math.radians(0.5 * self.fov))
+
+    def _lens_point(self, lens: mi.Point2f) -> mi.Point3f:
+        """Uniform over the aperture, camera space, metres."""
+        import mitsuba as mi
+
+        disk = self.aperture * mi.warp.square_to_uniform_disk_concentric(lens)
+        return mi.Point3f(disk.x, 0.0, disk.y)

@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.film.light_image import LightImage
 from lightdepth.kernel.arrays import aligned
 from lightdepth.transport.integrator import CameraSums
 
@@ -40,13 +41,14 @@ class Accumulator:
         plate: the photograph, all pixels of the image in a row, shape (m, 3), float32: what they show where nothing new
             covers them.
         pixels: which of them are in the list, shape (n,), uint32.
+        light: what light paths bring to these, part of their change; ``None`` where there are none.
 
     Attributes:
         taken: number of samples of each pixel of the list, shape (n,), uint32.
     """
 
-    def __init__(self, plate: NDArray[np.float32], pixels: NDArray[np.uint32]) -> None:
-        self._plate, self._pixels = plate, pixels
+    def __init__(self, plate: NDArray[np.float32], pixels: NDArray[np.uint32], light: LightImage | None = None) -> None:
+        self._plate, self._pixels, self._light = plate, pixels, light
         self.taken = np.zeros(len(pixels), np.uint32)
         size = max(len(pixels), 1)
         self._change, self._synthetic, self._squares = (dr.zeros(mi.Float, 3 * size) for _ in range(3))
@@ -87,10 +89,15 @@ class Accumulator:
             del self._change, self._synthetic, self._squares, self._covered
         return result
 
-    def relative_errors(self, floor: float) -> NDArray[np.float32]:
-        """Estimated standard error of each pixel relative to its brightness plus ``floor``, shape (n,), float32."""
+    def relative_errors(self, floor: float, of_samples: bool = False) -> NDArray[np.float32]:
+        """Estimated standard error of each pixel relative to its brightness plus ``floor``, shape (n,), float32.
+
+        Args:
+            floor: radiance.
+            of_samples: without the part that more samples of the pixel would not lessen, that of light paths.
+        """
         errors = np.empty(len(self._pixels), np.float32)
-        for part, means in self._means(self._sums()):
+        for part, means in self._means(self._sums(), with_light=not of_samples):
             plate = self._plate[self._pixels[part]]
             beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
             errors[part] = np.sqrt(means.variance.mean(axis=1)) / (np.maximum(beauty.mean(axis=1), 0.0) + floor)
@@ -104,7 +111,7 @@ class Accumulator:
         )
         return Estimates(change, synthetic, self._covered.numpy()[:count], squares)
 
-    def _means(self, sums: Estimates) -> Iterator[tuple[slice, Estimates]]:
+    def _means(self, sums: Estimates, with_light: bool = True) -> Iterator[tuple[slice, Estimates]]:
         """The means part by part, so that a large image needs no large temporaries.
 
         A finished sample is ``x + (1 - c) P`` with ``x`` what is new, ``P`` the plate and ``c`` whether it is covered,
@@ -121,6 +128,9 @@ class Accumulator:
             spread = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
             variance = sums.variance[part] / number[:, None] - np.square(mean) + spread
             variance = np.maximum(variance, 0.0) / np.maximum(number - 1.0, 1.0)[:, None]
+            if with_light and self._light is not None:
+                light, light_variance = self._light.means(part)
+                change, variance = change + light, variance + light_variance
             yield part, Estimates(change, synthetic, coverage, variance)
 
 

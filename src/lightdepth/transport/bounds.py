@@ -41,6 +41,15 @@ class ObjectBounds:
         """The cones of directions from points (world, metres) that the spheres fill."""
         return Cones(point, self._centres, self._radii)
 
+    def beams(self, place: mi.Vector3f, finite: mi.Bool) -> Beams:
+        """Light that runs from places to the spheres.
+
+        Args:
+            place: world, metres, where ``finite``, else unit directions toward the sky.
+            finite: false for sky.
+        """
+        return Beams(place, finite, self._centres, self._radii)
+
     def detail(self, point: mi.Point3f) -> mi.Float:
         """Metres over which the objects' influence varies at points (world, metres).
 
@@ -112,6 +121,63 @@ class Cones:
         for axis, cosine in zip(self._axes, self._cosines, strict=True):
             covering += dr.select(dr.dot(axis, direction) >= cosine, 1.0, 0.0)
         return dr.select(self.solid_angle > 0.0, covering / self.solid_angle, 0.0)
+
+
+class Beams:
+    """Rays from places toward the spheres, or from directions of the sky.
+
+    The former are uniform over the sum of the spheres' solid angles, the latter over that of their cross-sections.
+
+    Args:
+        place: as for :meth:`ObjectBounds.beams`.
+        finite: likewise.
+        centres: of the spheres, world, metres.
+        radii: of the spheres, metres.
+    """
+
+    def __init__(self, place: mi.Vector3f, finite: mi.Bool, centres: list[mi.Point3f], radii: list[mi.Float]) -> None:
+        self._place, self._finite, self._centres, self._radii = place, finite, centres, radii
+        self._cones = Cones(mi.Point3f(place), centres, radii)
+        areas = [dr.pi * dr.square(radius) for radius in radii]
+        self._total_area = mi.Float(0.0)
+        for area in areas:
+            self._total_area += area
+        self._areas = areas
+
+    def sample(self, choice: mi.Float, position: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f]:
+        """Draw rays: origins (for sky, beside the sphere that the ray is aimed at), and unit directions.
+
+        ``choice`` and ``position`` are uniform in [0, 1).
+        """
+        toward = self._cones.sample(choice, position)
+        remaining = choice * self._total_area
+        centre, radius = mi.Point3f(self._centres[0]), mi.Float(self._radii[0])
+        chosen = mi.Bool(False)
+        for candidate, size, area in zip(self._centres, self._radii, self._areas, strict=True):
+            here = ~chosen & (remaining < area)
+            centre, radius = dr.select(here, candidate, centre), dr.select(here, size, radius)
+            chosen |= here
+            remaining = dr.select(chosen, remaining, remaining - area)
+        disk = mi.warp.square_to_uniform_disk_concentric(position)
+        beside = centre + radius * (mi.Frame3f(self._place).to_world(mi.Vector3f(disk.x, disk.y, 0.0)) + self._place)
+        return (
+            dr.select(self._finite, mi.Point3f(self._place), beside),
+            dr.select(self._finite, toward, -self._place),
+        )
+
+    def pdf(self, point: mi.Point3f, direction: mi.Vector3f) -> mi.Float:
+        """Density of the rays through points: per steradian, or for sky per square metre across them.
+
+        Args:
+            point: on the rays, world, metres.
+            direction: of the rays, unit.
+        """
+        covering = mi.Float(0.0)
+        for centre, radius in zip(self._centres, self._radii, strict=True):
+            offset = mi.Vector3f(centre - point)
+            across = dr.squared_norm(offset) - dr.square(dr.dot(offset, direction))
+            covering += dr.select(across <= dr.square(radius), 1.0, 0.0)
+        return dr.select(self._finite, self._cones.pdf(direction), covering / self._total_area)
 
 
 def _merge_nearest(spheres: list[Sphere]) -> list[Sphere]:

@@ -22,9 +22,10 @@ from lightdepth.scene.model import Gloss
 from lightdepth.transport.bounds import Cones, ObjectBounds
 from lightdepth.transport.change_cache import NO_CELL, ChangeCache
 from lightdepth.transport.integrator import CameraSamples, Integrator, Path
+from lightdepth.transport.light_paths import LightPaths
 from lightdepth.transport.place import LightSample, Place
 from lightdepth.transport.randoms import Randoms
-from lightdepth.transport.recovered_albedo import reflectance
+from lightdepth.transport.recovered_albedo import recovered_reflectance
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
 CANDIDATES = 12
@@ -121,6 +122,10 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.has_support = FaceKind.SUPPORT in surfaces.kinds
         # Light samples are shared between the map and synthetic emitters.
         self.map_share = 0.5 if self.has_emitters else 1.0
+        if bounds is not None and self.has_support and not self.has_masks and clamp_indirect is None:
+            self.light_paths = LightPaths(
+                place, surfaces, bounds, self.lobes, self.max_bounces, self.map_share * CANDIDATES
+            )
 
     def new_cache(self) -> ChangeCache | None:
         """As the base says."""
@@ -155,7 +160,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # surface stands before them and the last scattering was on support.
         blocked = (on_synthetic | on_relit) & difference
         arrived = active & ~on_synthetic & ~on_relit & ~difference & ~first
-        radiance += throughput * self._before(ray, hit, blocked, blocked & on_synthetic, arrived, last, depth)
+        radiance += throughput * self._before(ray, hit, blocked, blocked & on_synthetic, arrived, path)
         if self.has_emitters:
             radiance += throughput * self._emission(si, on_synthetic, first, last, depth)
 
@@ -203,7 +208,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # Light sampling, section 2. In a difference, what decides is whether the one shadow ray is blocked, so
         # that its candidates weigh no more than one sample.
         weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
-        radiance += throughput * self._direct(randoms, context, vertex, active & scatters, first, weight_samples, depth)
+        radiance += throughput * self._direct(randoms, context, vertex, active & scatters, first, weight_samples, path)
 
         # The next direction.
         choice, x, y = randoms.direction(first, active)
@@ -214,6 +219,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         throughput *= dr.select(vertex.on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
         pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
         pdf = dr.select(vertex.on_support, support_pdf, pdf)
+        # Light paths come by way of objects alone to the support that the camera sees.
+        odds = dr.select(vertex.on_synthetic & ~first, path.odds, 0.0)
+        if self.light_paths is not None:
+            begun = self.light_paths.odds_at_support(path.odds, ray, hit, direction, pdf)
+            odds = dr.select(in_difference & first, begun, odds)
 
         # Passing through a mask's hole is no scattering: what was known of the last one stays.
         through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
@@ -227,7 +237,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         first &= through
         ray = leave(point, normal, direction)
         active &= (dr.max(throughput) > 0.0) & (scatters | through)
-        return DifferencePath(randoms, ray, active, radiance, throughput, first, covered, depth, cell, difference, last)
+        return DifferencePath(
+            randoms, ray, active, radiance, throughput, first, covered, depth, cell, odds, difference, last
+        )
 
     # -- The terms ----------------------------------------------------------------------------------------------
 
@@ -238,8 +250,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         blocked: mi.Bool,
         hidden: mi.Bool,
         arrived: mi.Bool,
-        last: LastScattering,
-        depth: mi.UInt32,
+        path: DifferencePath,
     ) -> mi.Color3f:
         """``+M(q)`` where a path arrives at the place, ``-M(q)`` where a new surface blocks it.
 
@@ -249,15 +260,30 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             blocked: a new surface was met in difference mode.
             hidden: ``blocked`` by a surface behind which ``q`` must still be found.
             arrived: a real surface or the sky was met otherwise.
-            last: the last scattering.
-            depth: scatterings so far.
+            path: which come so far.
         """
+        last = path.last
         if not self.place.infinite and self.surfaces.has_real and self.surfaces.has_synthetic:
             hit = select_hit(hidden, self.surfaces.first_real(ray, hidden), hit)
         wanted = blocked | arrived
-        radiance, pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - last.point), wanted)
-        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), depth)
-        return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
+        distance = dr.norm(hit.point - last.point)
+        radiance, pdf = self.place.seen(hit, ray.d, distance, wanted)
+        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
+        finite = mi.Bool(False) if self.place.infinite else hit.valid
+        light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
+        share = self._camera_share(path.odds, light, finite, pdf, distance, last.point, ray.d, last.pdf)
+        return dr.select(wanted, dr.select(blocked, -value, value * share), 0.0)
+
+    def _camera_share(self, odds: mi.Float, *light: mi.Float | mi.Vector3f | mi.Bool) -> mi.Float:
+        """Weight of paths from the camera beside those from the light.
+
+        Args:
+            odds: of :class:`DifferencePath`.
+            light: what :meth:`LightPaths.odds_at_light` asks for.
+        """
+        if self.light_paths is None:
+            return mi.Float(1.0)
+        return self.light_paths.weight(odds * self.light_paths.odds_at_light(*light))
 
     def _remembered(
         self, cache: ChangeCache, path: DifferencePath, hit: RealHit, on_support: mi.Bool
@@ -310,10 +336,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         """Recovered albedo and factor on the specular lobe at support points, else 0."""
         if not (self.has_support or self.has_relit):
             return mi.Color3f(0.0), mi.Color3f(0.0)
-        radiance = self.place.surface_radiance(hit, active)
-        irradiance, mirrored = self.surfaces.irradiance(hit, active), self.surfaces.mirrored(hit, active)
-        rho, specular_scale = reflectance(radiance, irradiance, mirrored)
-        return rho & active, specular_scale & active
+        return recovered_reflectance(self.place, self.surfaces, hit, active)
 
     def _direct(
         self,
@@ -323,7 +346,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         active: mi.Bool,
         first: mi.Bool,
         weight_samples: mi.Float,
-        depth: mi.UInt32,
+        path: DifferencePath,
     ) -> mi.Color3f:
         """Light sampling at a vertex: of the map, or of synthetic emitters.
 
@@ -334,7 +357,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             active: which of them take a sample.
             first: which of them are at their first vertex.
             weight_samples: for how many samples of the map's light multiple importance sampling takes them.
-            depth: scatterings so far.
+            path: which come so far.
         """
         choice = dr.select(first, randoms.spread("light")[0], randoms.next(active))
         from_map = mi.Bool(True)
@@ -345,7 +368,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         choice, gain = self._most_useful(context, vertex, active & from_map, choice, chance, weight_samples)
         light = self.place.light(choice, active & from_map)
         direction, distance, pdf = self.place.toward(light, vertex.point)
-        weighed = pdf * weight_samples
+        weighed, map_pdf = pdf * weight_samples, pdf
         radiance = light.radiance * gain
         pdf *= self.map_share * CANDIDATES
         if self.has_emitters:
@@ -361,9 +384,13 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
         value, scattering_pdf = self._scattering(context, vertex, direction, active)
         value *= radiance * (_mis_weight(weighed, scattering_pdf) / dr.maximum(pdf, 1e-20))
+        share = self._camera_share(
+            path.odds, light.place, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
+        )
+        value *= dr.select(vertex.on_synthetic & from_map & ~first, share, 1.0)
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
         value *= self._visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
-        return dr.select(useful, self._clamped(value, depth), 0.0)
+        return dr.select(useful, self._clamped(value, path.depth), 0.0)
 
     @dr.syntax
     def _most_useful(

@@ -265,6 +265,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
             covered,
             depth,
             path.cell,
+            path.odds,
             photograph,
             synthetic_path,
             previous,

@@ -13,12 +13,13 @@ import mitsuba as mi
 from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.change_cache import NO_CELL, ChangeCache
+from lightdepth.transport.light_paths import LightPaths
 from lightdepth.transport.place import Place
 from lightdepth.transport.randoms import Randoms
 
-CameraRays = Callable[[mi.UInt32], tuple[Randoms, mi.Ray3f, mi.Bool]]
-"""From the number of a sample in its pixel to the random numbers of its path, its camera ray in world, and whether it lies
-in the camera's image."""
+CameraRays = Callable[[mi.UInt32], tuple[Randoms, mi.Ray3f, mi.Bool, mi.Float]]
+"""From the number of a sample in its pixel to the random numbers of its path, its camera ray in world, whether it lies in
+the camera's image, and the solid angle of the pixel there in steradians times the light paths for each such path."""
 
 
 @dataclass
@@ -67,6 +68,8 @@ class Path:
         covered: which met a new surface first.
         depth: scatterings so far.
         cell: where a path has learnt its ``radiance``, or ``NO_CELL``; see :class:`ChangeCache`.
+        odds: before the first scattering, the last of :data:`CameraRays`; after it, what is known of the odds of a light
+            path that does the same, 0 where there is none. See :class:`LightPaths`.
     """
 
     randoms: Randoms
@@ -78,6 +81,7 @@ class Path:
     covered: mi.Bool
     depth: mi.UInt32
     cell: mi.UInt64
+    odds: mi.Float
 
 
 PathKind = TypeVar("PathKind", bound=Path)
@@ -91,6 +95,9 @@ class Integrator(ABC, Generic[PathKind]):
         surfaces: real and synthetic surfaces.
         bounds: the objects' bounds, or ``None`` without objects; the film asks for them.
         max_bounces: scatterings after which a path ends; negative for no limit.
+
+    Attributes:
+        light_paths: what brings the light that its paths from the camera leave to paths from the light, or ``None``.
     """
 
     def __init__(
@@ -100,6 +107,7 @@ class Integrator(ABC, Generic[PathKind]):
         self.surfaces = surfaces
         self.bounds = bounds
         self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
+        self.light_paths: LightPaths | None = None
         self.has_emitters = len(surfaces.all.emitters()) > 0
 
     def new_cache(self) -> ChangeCache | None:
@@ -149,7 +157,7 @@ class Integrator(ABC, Generic[PathKind]):
         """What paths that have ended estimate."""
 
 
-def _camera_path(randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> Path:
+def _camera_path(randoms: Randoms, ray: mi.Ray3f, active: mi.Bool, odds: mi.Float) -> Path:
     """Paths along camera rays in world; rays outside the camera's image are not ``active``."""
     return Path(
         randoms,
@@ -161,6 +169,7 @@ def _camera_path(randoms: Randoms, ray: mi.Ray3f, active: mi.Bool) -> Path:
         covered=mi.Bool(False),
         depth=mi.UInt32(0),
         cell=mi.UInt64(NO_CELL),
+        odds=mi.Float(odds),
     )
 
 

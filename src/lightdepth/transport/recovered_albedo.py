@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
+from lightdepth.kernel.tracing import RealHit, TracedSurfaces
 from lightdepth.transport.adaptive_irradiance import DARK, estimate_on_mesh, share_of_view
 from lightdepth.transport.bounds import Sphere
 from lightdepth.transport.irradiance import estimate_irradiance, estimate_mirrored
@@ -116,6 +117,15 @@ def _check(
     # The careful estimate's own noise is in the difference as well.
     error = np.sqrt(np.maximum(np.square(found - wanted) - np.square(noise * wanted), 0.0))
     return IrradianceReport(len(points), float(error.sum() / wanted.sum()), float(np.quantile(error / wanted, 0.95)))
+
+
+def recovered_reflectance(
+    place: Place, surfaces: TracedSurfaces, hit: RealHit, active: mi.Bool
+) -> tuple[mi.Color3f, mi.Color3f]:
+    """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``."""
+    radiance = place.surface_radiance(hit, active)
+    rho, specular_scale = reflectance(radiance, surfaces.irradiance(hit, active), surfaces.mirrored(hit, active))
+    return rho & active, specular_scale & active
 
 
 def reflectance(radiance: mi.Color3f, irradiance: mi.Color3f, mirrored: mi.Color3f) -> tuple[mi.Color3f, mi.Color3f]:

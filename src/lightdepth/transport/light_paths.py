@@ -1,0 +1,302 @@
+"""Paths that begin at the light: by way of the objects to support, and from there into the camera's image.
+
+Theory, section 3, "From the light". What polished objects throw onto a floor comes from a small part of their surface,
+which a path from the floor seldom meets; a path from the lamp always does. Both are taken, each as far as it is the
+likelier one (bidirectional path tracing, Veach and Guibas 1995, with this one connection more).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from lightdepth.kernel.real_surfaces import FaceKind
+from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit, shadow_ray
+from lightdepth.transport.bounds import ObjectBounds
+from lightdepth.transport.place import Place
+from lightdepth.transport.randoms import Randoms
+from lightdepth.transport.recovered_albedo import recovered_reflectance
+from lightdepth.transport.support import SpecularLobes, SupportScattering
+
+ROULETTE_DEPTH = 4
+"""Scatterings on objects before paths are ended by the share of light that objects leave them."""
+LARGEST_SURVIVAL = 0.95
+
+
+@dataclass
+class Connection:
+    """How a camera sees points.
+
+    Attributes:
+        origin: where its rays to them start, world, metres.
+        film: where its image shows them, in [0, 1].
+        solid_angle: of the pixels there, steradians.
+        seen: whether the image shows that direction.
+    """
+
+    origin: mi.Point3f
+    film: mi.Point2f
+    solid_angle: mi.Float
+    seen: mi.Bool
+
+
+Connect = Callable[[mi.Point3f, Randoms], Connection]
+"""From points, world, to how the camera sees them."""
+
+
+@dataclass
+class Arrivals:
+    """What light paths bring to the image.
+
+    Attributes:
+        film: where, in [0, 1].
+        radiance: of the pixel there, times the number of light paths.
+        valid: which bring anything.
+    """
+
+    film: mi.Point2f
+    radiance: mi.Color3f
+    valid: mi.Bool
+
+
+@dataclass
+class LightPath:
+    """Paths on their way.
+
+    Attributes:
+        randoms: their random numbers.
+        ray: where they go, world.
+        active: which are still on objects.
+        flux: what they carry, watts.
+        odds: the factor of the odds (:meth:`LightPaths.weight`) that their light and their first scattering decide.
+        light_density: of their light, over the cosine at its surface, per square metre; of sky, per steradian.
+        finite: false where they come from the sky.
+        scatterings: so far, all on objects.
+        arrived: which have met a real surface after at least one.
+        hit: where.
+    """
+
+    randoms: Randoms
+    ray: mi.Ray3f
+    active: mi.Bool
+    flux: mi.Color3f
+    odds: mi.Float
+    light_density: mi.Float
+    finite: mi.Bool
+    scatterings: mi.UInt32
+    arrived: mi.Bool
+    hit: RealHit
+
+
+class LightPaths:
+    """Light by way of the objects to the support that the camera sees.
+
+    Args:
+        place: the photographed place.
+        surfaces: real and synthetic surfaces; no material may have holes.
+        bounds: of the objects.
+        lobes: the specular lobes of the support.
+        max_bounces: scatterings, the support's included, that a path may have.
+        light_samples: for how many samples of the map's light paths from the camera take theirs at an object.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        surfaces: TracedSurfaces,
+        bounds: ObjectBounds,
+        lobes: SpecularLobes,
+        max_bounces: mi.UInt32,
+        light_samples: float,
+    ) -> None:
+        self.place, self.surfaces, self.bounds, self.lobes = place, surfaces, bounds, lobes
+        self.max_bounces, self.light_samples = max_bounces, light_samples
+
+    # -- Which technique is taken how far ------------------------------------------------------------------------
+
+    @staticmethod
+    def odds_at_support(
+        pixel: mi.Float, ray: mi.Ray3f, hit: RealHit, direction: mi.Vector3f, pdf: mi.Float
+    ) -> mi.Float:
+        """The factor of the odds that the camera and the support decide.
+
+        Args:
+            pixel: solid angle of the pixel, steradians, times the light paths for each path from the camera.
+            ray: from the camera, world, to ``hit``.
+            hit: support.
+            direction: from there to an object, unit, world.
+            pdf: density with which paths from the camera draw it, per steradian.
+        """
+        area = pixel * dr.square(hit.distance) / dr.maximum(dr.abs(dr.dot(hit.normal, ray.d)), 1e-4)
+        return area * dr.maximum(dr.dot(hit.normal, direction), 0.0) / dr.maximum(pdf, 1e-20)
+
+    def odds_at_light(
+        self,
+        light: mi.Vector3f,
+        finite: mi.Bool,
+        pdf: mi.Float,
+        distance: mi.Float,
+        point: mi.Point3f,
+        direction: mi.Vector3f,
+        scattering_pdf: mi.Float,
+    ) -> mi.Float:
+        """The factor of the odds that the light and the object next to it decide.
+
+        Args:
+            light: where it is, world, metres where ``finite``; of sky the direction toward it.
+            finite: false for sky.
+            pdf: density with which light sampling at ``point`` finds it, per steradian.
+            distance: between ``point`` and light, metres.
+            point: on the object, world, metres.
+            direction: from there to the light, unit, world.
+            scattering_pdf: density with which a path from the camera scatters to the light, per steradian; 0 where the
+                object scatters into single directions.
+        """
+        beams = self.bounds.beams(light, finite)
+        density = pdf * beams.pdf(point, -direction) * dr.select(finite, dr.rcp(dr.square(distance)), 1.0)
+        return density * self._scattered_share(scattering_pdf, pdf)
+
+    def _scattered_share(self, scattering_pdf: mi.Float, pdf: mi.Float) -> mi.Float:
+        """Share of the paths from the camera that scattering, and not light sampling, sends to a light."""
+        both = scattering_pdf + pdf * self.light_samples
+        return dr.select(scattering_pdf > 0.0, scattering_pdf / dr.maximum(both, 1e-20), 1.0)
+
+    @staticmethod
+    def weight(odds: mi.Float) -> mi.Float:
+        """Weight of the path from the camera where one from the light is so many times as likely (power heuristic)."""
+        return dr.rcp(1.0 + dr.square(dr.minimum(odds, 1e15)))
+
+    # -- Paths ---------------------------------------------------------------------------------------------------
+
+    def trace(self, randoms: Randoms, connect: Connect, per_path: mi.Float) -> Arrivals:
+        """Follow paths from the light samples of the place, one in each lane.
+
+        Args:
+            randoms: their random numbers.
+            connect: the camera.
+            per_path: light paths for each path from the camera through one pixel.
+        """
+        return self._seen(self._scattered_on_objects(self._emitted(randoms)), connect, per_path)
+
+    def _emitted(self, randoms: Randoms) -> LightPath:
+        """Paths that leave the light toward the objects."""
+        count = dr.width(randoms.index)
+        number = mi.Float(dr.arange(mi.UInt32, count)) + randoms.next()
+        light = self.place.light(number / dr.opaque(mi.Float, count), mi.Bool(True))
+        beams = self.bounds.beams(light.place, light.finite)
+        origin, direction = beams.sample(randoms.next(), mi.Point2f(randoms.next(), randoms.next()))
+        cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
+        light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)
+        density = light_density * beams.pdf(origin, direction)
+        active = (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit & (self.max_bounces >= 2)
+        # Light of the sky must first come so far.
+        outward = mi.Ray3f(origin, -direction)
+        before = self.surfaces.synthetic if self.place.infinite else self.surfaces.all
+        active &= ~before.ray_test(outward, coherent=False, active=active & ~light.finite)
+        ray = mi.Ray3f(origin, direction)
+        ray = dr.select(light.finite, leave(origin, light.normal, direction), ray)
+        return LightPath(
+            randoms,
+            ray,
+            active,
+            flux=light.radiance / dr.maximum(density, 1e-20),
+            odds=mi.Float(density),
+            light_density=mi.Float(light_density),
+            finite=mi.Bool(light.finite),
+            scatterings=mi.UInt32(0),
+            arrived=mi.Bool(False),
+            hit=dr.zeros(RealHit, count),
+        )
+
+    @dr.syntax
+    def _scattered_on_objects(self, path: LightPath) -> LightPath:
+        """Follow paths from object to object until they meet a real surface."""
+        while path.active:
+            path = self._advance(path)
+        return path
+
+    def _advance(self, path: LightPath) -> LightPath:
+        """Follow paths to what they meet next, and scatter them if it is an object."""
+        randoms, ray, active = path.randoms, path.ray, mi.Bool(path.active)
+        context = mi.BSDFContext(mi.TransportMode.Importance)
+        first = path.scatterings == 0
+        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        on_real = active & self.surfaces.is_real(found)
+        hit = self.surfaces.real_hit(ray, found, on_real)
+        arrived = on_real & ~first
+        on_synthetic = active & found.is_valid() & ~on_real
+        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        bsdf = si.bsdf(ray)
+        drawn, weight = bsdf.sample(
+            context, si, randoms.next(active), mi.Point2f(randoms.next(active), randoms.next(active)), on_synthetic
+        )
+        direction = si.to_world(drawn.wo)
+        # Shading normals make scattering asymmetric: what they would do to the path from the camera.
+        asymmetry = dr.abs(mi.Frame3f.cos_theta(si.wi) * dr.dot(si.n, direction))
+        asymmetry /= dr.maximum(dr.abs(mi.Frame3f.cos_theta(drawn.wo) * dr.dot(si.n, ray.d)), 1e-6)
+        flux = path.flux * weight * asymmetry
+
+        turned = mi.SurfaceInteraction3f(si)
+        turned.wi = drawn.wo
+        scattering_pdf = bsdf.pdf(mi.BSDFContext(), turned, si.wi, on_synthetic & first)
+        scattering_pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, scattering_pdf)
+        light_pdf = path.light_density * dr.select(path.finite, dr.squared_norm(si.p - ray.o), 1.0)
+        odds = path.odds * dr.select(first, self._scattered_share(scattering_pdf, light_pdf), 1.0)
+
+        survival = dr.clip(dr.max(weight), 0.0, LARGEST_SURVIVAL)
+        survival = dr.select(path.scatterings >= ROULETTE_DEPTH, survival, 1.0)
+        scattered = on_synthetic & (dr.max(flux) > 0.0) & (path.scatterings + 2 <= self.max_bounces)
+        scattered &= randoms.next(active) < survival
+        flux *= dr.rcp(dr.maximum(survival, 1e-6))
+        onward = leave(si.p, si.n, direction)
+        still = mi.Bool(scattered)
+        if self.place.infinite:
+            # Nothing real stands before a light that is infinitely far.
+            passed = on_real & first
+            onward = dr.select(passed, leave(hit.point, hit.normal, ray.d), onward)
+            still |= passed
+        return LightPath(
+            randoms,
+            dr.select(still, onward, ray),
+            still,
+            dr.select(scattered, flux, path.flux),
+            dr.select(scattered, odds, path.odds),
+            path.light_density,
+            path.finite,
+            path.scatterings + dr.select(scattered, mi.UInt32(1), mi.UInt32(0)),
+            path.arrived | arrived,
+            select_hit(arrived, hit, path.hit),
+        )
+
+    def _seen(self, path: LightPath, connect: Connect, per_path: mi.Float) -> Arrivals:
+        """What the camera sees of the light that paths bring to support."""
+        hit, incoming = path.hit, -path.ray.d
+        active = path.arrived & (hit.kind == int(FaceKind.SUPPORT)) & (dr.dot(hit.normal, incoming) > 0.0)
+        camera = connect(hit.point, path.randoms)
+        offset = camera.origin - hit.point
+        distance = dr.norm(offset)
+        outgoing = offset * dr.rcp(dr.maximum(distance, 1e-20))
+        cosine = dr.dot(hit.normal, outgoing)
+        active &= camera.seen & (cosine > 0.0)
+
+        rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, active)
+        cones = self.bounds.cones(hit.point)
+        support = SupportScattering(
+            rho, hit.normal, outgoing, self.lobes, hit.gloss, cones, mi.Float(1.0), specular_scale
+        )
+        value, pdf = support.evaluate(incoming)
+        towards = mi.Ray3f(camera.origin, -outgoing)
+        met = copy(hit)
+        met.distance = distance
+        odds = path.odds * self.odds_at_support(camera.solid_angle * per_path, towards, met, incoming, pdf)
+        radiance = path.flux * value * cosine * (1.0 - self.weight(odds))
+        radiance /= dr.maximum(dr.dot(hit.normal, incoming), 1e-6)
+        radiance /= dr.maximum(camera.solid_angle * dr.square(distance), 1e-20)
+        active &= dr.max(radiance) > 0.0
+        ray = shadow_ray(hit.point, hit.normal, outgoing, distance)
+        active &= ~self.surfaces.all.ray_test(ray, coherent=False, active=active)
+        return Arrivals(camera.film, radiance & active, active)
