@@ -12,10 +12,23 @@ start()
 import drjit as dr  # noqa: E402 - where LLVM is was settled by start()
 import mitsuba as mi  # noqa: E402 - needs a variant of Mitsuba
 
+from lightdepth.film.light_image import LightImage  # noqa: E402
+from lightdepth.transport import methods  # noqa: E402
 from lightdepth.transport.bounds import ObjectBounds  # noqa: E402
 from lightdepth.transport.light_paths import LightPaths  # noqa: E402
 
-SHARES = {"camera": lambda odds: mi.Float(1.0) + 0.0 * odds, "light": lambda odds: dr.select(odds > 0.0, 0.0, 1.0)}
+
+def likelier(factor):
+    """The weights that are used, as if there were this many times as many light paths."""
+    return lambda odds: dr.rcp(1.0 + dr.square(dr.minimum(factor * odds, 1e15)))
+
+
+WEIGHTS = {
+    "camera alone": lambda odds: mi.Float(1.0) + 0.0 * odds,
+    "light where it can": lambda odds: dr.select(odds > 0.0, 0.0, 1.0),
+    "the likelier": likelier(1.0),
+    "ten times as likely": likelier(10.0),
+}
 MATERIALS = {
     "matte": WHITE,
     "rough metal": Metal(type="metal", name="Ag", roughness=0.5),
@@ -33,49 +46,51 @@ def lit_from_one_side():
     return image
 
 
-def changes(scene, camera, method, seeds, samples=64):
-    """Mean change of each pixel, and the variance of that, from several pictures."""
-    pictures = []
-    for seed in seeds:
-        rendering = begin_rendering(scene, camera, method=method, seed=seed)
-        pictures.append(rendering.complete(samples, auxiliary=False).change)
-    return np.mean(pictures, axis=0), np.var(pictures, axis=0, ddof=1) / len(pictures)
+def pictures(scene, camera, method, seeds, samples):
+    """The change that each of several pictures shows, shape (seeds, height, width, 3)."""
+    renderings = [begin_rendering(scene, camera, method=method, seed=seed) for seed in seeds]
+    return np.stack([rendering.complete(samples, auxiliary=False).change for rendering in renderings])
+
+
+LIGHTS = {"even": 1.0, "from one side": lit_from_one_side()}
 
 
 @pytest.mark.parametrize(
-    ("material", "camera", "method"),
+    ("material", "light", "camera", "method"),
     [
-        *((name, "view", "difference") for name in MATERIALS),
-        ("rough metal", "dome", "difference"),
-        ("rough metal", "pano", "difference"),
-        ("rough metal", "view", "directional"),
+        *((name, "even", "view", "difference") for name in MATERIALS),
+        ("rough metal", "from one side", "view", "difference"),
+        ("rough metal", "from one side", "dome", "difference"),
+        ("rough metal", "from one side", "pano", "difference"),
+        ("rough metal", "from one side", "view", "directional"),
     ],
 )
-def test_both_bring_the_same_light(material, camera, method, monkeypatch):
-    found = {}
-    for share, weight in SHARES.items():
+def test_the_light_is_the_same_however_it_is_shared(material, light, camera, method, monkeypatch):
+    # Paths from the light to matte objects too: what is likely for one material is not for another.
+    monkeypatch.setattr(methods, "is_polished", lambda shape: True)
+    scene = room(LIGHTS[light], [ball(MATERIALS[material])], max_bounces=4)
+    sums = {}
+    for name, weight in WEIGHTS.items():
         monkeypatch.setattr(LightPaths, "weight", staticmethod(weight))
-        scene = room(lit_from_one_side(), [ball(MATERIALS[material])], max_bounces=4)
-        found[share] = changes(scene, camera, method, range(4))
-    difference = found["camera"][0] - found["light"][0]
-    variance = found["camera"][1] + found["light"][1]
-    rows, columns = (length // 8 for length in difference.shape[:2])
-    blocks = (slice(0, rows * 8), slice(0, columns * 8))
-
-    def summed(values):
-        return values[blocks].reshape(rows, 8, columns, 8, 3).sum(axis=(1, 3))
-
-    z = summed(difference) / np.sqrt(np.maximum(summed(variance), 1e-12))
-    assert np.abs(z.mean()) < 0.35
-    assert np.sqrt(np.mean(np.square(z))) < 1.4
+        sums[name] = pictures(scene, camera, method, range(8), 32).sum(axis=(1, 2, 3), dtype=np.float64)
+    # The same without what light paths can bring: how much that is.
+    monkeypatch.setattr(LightPaths, "weight", staticmethod(WEIGHTS["light where it can"]))
+    monkeypatch.setattr(LightImage, "add", lambda *_: None)
+    expected = sums.pop("camera alone")
+    brought = np.mean(expected - pictures(scene, camera, method, range(8), 32).sum(axis=(1, 2, 3), dtype=np.float64))
+    for name, found in sums.items():
+        difference = found - expected
+        standard_error = difference.std(ddof=1) / np.sqrt(len(difference))
+        assert standard_error < 0.05 * brought, name
+        assert np.abs(difference.mean()) < 5.0 * standard_error, name
 
 
 def test_light_paths_make_what_polished_metal_throws_less_noisy(monkeypatch):
     scene = room(lit_from_one_side(), [ball(Metal(type="metal", name="Ag", roughness=0.3))])
-    _, together = changes(scene, "view", "difference", range(4), samples=16)
-    monkeypatch.setattr(LightPaths, "weight", staticmethod(SHARES["camera"]))
-    _, camera_alone = changes(scene, "view", "difference", range(4), samples=16)
-    assert together.mean() < 0.6 * camera_alone.mean()
+    together = pictures(scene, "view", "difference", range(4), 16)
+    monkeypatch.setattr(LightPaths, "weight", staticmethod(WEIGHTS["camera alone"]))
+    camera_alone = pictures(scene, "view", "difference", range(4), 16)
+    assert together.var(axis=0, ddof=1).mean() < 0.6 * camera_alone.var(axis=0, ddof=1).mean()
 
 
 def test_beams_are_drawn_with_the_density_that_they_say():

@@ -52,12 +52,12 @@ LIGHTS_SERVE = 1 << 21
 """Camera paths after which new light samples are drawn,"""
 FEWEST_LIGHTS = 15
 """at least two to this power of them."""
-LIGHT_SHARE = 1.0
-"""Paths from the light for each path from the camera."""
+LIGHT_SHARE = 0.5
+"""Paths from the light for each path from the camera;"""
 LIGHT_PATHS = 1 << 19
-"""At once, at most."""
+"""at most so many at once,"""
 LIGHT_SEED = 0x6C696768
-"""Their random numbers are others."""
+"""with random numbers of their own."""
 LEARNING_SHARE = 0.1
 """Paths that learn what surfaces send, relative to those that estimate pixels;"""
 FIRST_SHARE, FIRST_PATHS = 0.25, 1 << 15

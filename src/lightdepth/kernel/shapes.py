@@ -74,6 +74,11 @@ def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | No
     return shape
 
 
+def is_polished(shape: mi.Shape) -> bool:
+    """Whether its material throws light into some directions rather than others."""
+    return any(mi.has_flag(shape.bsdf().flags(), kind) for kind in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Delta))
+
+
 def enclosing_sphere(shape: mi.Shape) -> tuple[np.ndarray, float]:
     """A sphere around a shape: centre of its bounding box, shape (3,), world, and radius, both in metres."""
     box = shape.bbox()

@@ -28,7 +28,7 @@ from lightdepth.transport.randoms import Randoms
 from lightdepth.transport.recovered_albedo import recovered_reflectance
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
-CANDIDATES = 12
+CANDIDATES = 8
 """Light samples looked at for each shadow ray; one is kept, in proportion to the light that would arrive."""
 ROULETTE_DEPTH = 3
 """Scatterings before paths are ended by the light that they still carry."""
@@ -102,6 +102,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         max_bounces: scatterings after which a path ends; negative for no limit.
         glosses: the specular lobes that support surfaces may have.
         clamp_indirect: largest value that light of two or more bounces may add to a sample, or ``None``.
+        lit: bounds of the objects that paths from the light are aimed at, or ``None`` for no such paths; there are none
+            either where materials have holes, or with ``clamp_indirect``.
     """
 
     def __init__(
@@ -112,6 +114,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         max_bounces: int = 8,
         glosses: Sequence[Gloss] = (),
         clamp_indirect: float | None = None,
+        lit: ObjectBounds | None = None,
     ) -> None:
         super().__init__(place, surfaces, bounds, max_bounces)
         self.lobes = SpecularLobes(glosses)
@@ -122,9 +125,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.has_support = FaceKind.SUPPORT in surfaces.kinds
         # Light samples are shared between the map and synthetic emitters.
         self.map_share = 0.5 if self.has_emitters else 1.0
-        if bounds is not None and self.has_support and not self.has_masks and clamp_indirect is None:
+        if bounds and lit and self.has_support and not self.has_masks and clamp_indirect is None:
             self.light_paths = LightPaths(
-                place, surfaces, bounds, self.lobes, self.max_bounces, self.map_share * CANDIDATES
+                place, surfaces, bounds, lit, self.lobes, self.max_bounces, self.map_share * CANDIDATES
             )
 
     def new_cache(self) -> ChangeCache | None:
@@ -368,7 +371,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         choice, gain = self._most_useful(context, vertex, active & from_map, choice, chance, weight_samples)
         light = self.place.light(choice, active & from_map)
         direction, distance, pdf = self.place.toward(light, vertex.point)
-        weighed, map_pdf = pdf * weight_samples, pdf
+        weighed, map_pdf = pdf * weight_samples, mi.Float(pdf)  # pdf itself changes below.
         radiance = light.radiance * gain
         pdf *= self.map_share * CANDIDATES
         if self.has_emitters:

@@ -99,6 +99,7 @@ class LightPaths:
         place: the photographed place.
         surfaces: real and synthetic surfaces; no material may have holes.
         bounds: of the objects.
+        lit: of those that the paths are aimed at.
         lobes: the specular lobes of the support.
         max_bounces: scatterings, the support's included, that a path may have.
         light_samples: for how many samples of the map's light paths from the camera take theirs at an object.
@@ -109,11 +110,12 @@ class LightPaths:
         place: Place,
         surfaces: TracedSurfaces,
         bounds: ObjectBounds,
+        lit: ObjectBounds,
         lobes: SpecularLobes,
         max_bounces: mi.UInt32,
         light_samples: float,
     ) -> None:
-        self.place, self.surfaces, self.bounds, self.lobes = place, surfaces, bounds, lobes
+        self.place, self.surfaces, self.bounds, self.lit, self.lobes = place, surfaces, bounds, lit, lobes
         self.max_bounces, self.light_samples = max_bounces, light_samples
 
     # -- Which technique is taken how far ------------------------------------------------------------------------
@@ -156,7 +158,7 @@ class LightPaths:
             scattering_pdf: density with which a path from the camera scatters to the light, per steradian; 0 where the
                 object scatters into single directions.
         """
-        beams = self.bounds.beams(light, finite)
+        beams = self.lit.beams(light, finite)
         density = pdf * beams.pdf(point, -direction) * dr.select(finite, dr.rcp(dr.square(distance)), 1.0)
         return density * self._scattered_share(scattering_pdf, pdf)
 
@@ -187,7 +189,7 @@ class LightPaths:
         count = dr.width(randoms.index)
         number = mi.Float(dr.arange(mi.UInt32, count)) + randoms.next()
         light = self.place.light(number / dr.opaque(mi.Float, count), mi.Bool(True))
-        beams = self.bounds.beams(light.place, light.finite)
+        beams = self.lit.beams(light.place, light.finite)
         origin, direction = beams.sample(randoms.next(), mi.Point2f(randoms.next(), randoms.next()))
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)

@@ -11,7 +11,7 @@ import mitsuba as mi
 import numpy as np
 
 from lightdepth.kernel.real_surfaces import merge_real_surfaces
-from lightdepth.kernel.shapes import enclosing_sphere, synthetic_shapes
+from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
 from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
 from lightdepth.scene.model import RealSurface, Role, Scene
@@ -60,7 +60,13 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     place = Place(scene.panorama, surfaces, infinite) if modelled.deformed else empty.with_surfaces(surfaces)
     settings = scene.render
     integrator = DifferenceIntegrator(
-        place, surfaces, bounds, settings.max_bounces, real.glosses, settings.clamp_indirect
+        place,
+        surfaces,
+        bounds,
+        settings.max_bounces,
+        real.glosses,
+        settings.clamp_indirect,
+        _bounds([each for each in shapes if is_polished(each[1])]),
     )
     return Prepared(place, surfaces, integrator, shapes, report)
 
@@ -96,5 +102,5 @@ def _real_surfaces(scene: Scene) -> Sequence[RealSurface]:
     return (RealSurface("depth", mesh, Role.SUPPORT),)
 
 
-def _bounds(shapes: tuple[tuple[int, mi.Shape], ...]) -> ObjectBounds | None:
+def _bounds(shapes: Sequence[tuple[int, mi.Shape]]) -> ObjectBounds | None:
     return ObjectBounds([enclosing_sphere(shape) for _, shape in shapes]) if shapes else None
