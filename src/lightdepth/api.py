@@ -161,8 +161,8 @@ def _renderable(scene: Scene) -> tuple[str, ...]:
 
 @lru_cache(maxsize=2)
 def _drafted(scene: Scene) -> Scene:
-    settings = replace(scene.render, samples=DRAFT_SAMPLES, noise=None, irradiance_samples=DRAFT_IRRADIANCE_SAMPLES)
-    return replace(scene, render=settings)
+    settings = replace(scene.render, samples=DRAFT_SAMPLES, noise=None, draft=True)
+    return replace(scene, render=replace(settings, irradiance_samples=DRAFT_IRRADIANCE_SAMPLES))
 
 
 @lru_cache(maxsize=2)

@@ -27,8 +27,16 @@ def is_capture_camera(view: CameraView, panorama: Panorama) -> bool:
     )
 
 
-def render_plate(view: CameraView, panorama: Panorama, place: Place) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def render_plate(
+    view: CameraView, panorama: Panorama, place: Place, draft: bool = False
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Resample the photograph for a camera.
+
+    Args:
+        view: the camera.
+        panorama: the photograph.
+        place: the same with its geometry.
+        draft: one point in each pixel will do.
 
     Returns:
         ``(plate, alpha)``, shapes (height, width, 3) and (height, width), float32: radiance, black outside the
@@ -38,7 +46,7 @@ def render_plate(view: CameraView, panorama: Panorama, place: Place) -> tuple[ND
     width, height = view.camera.resolution
     if is_capture_camera(view, panorama):
         return panorama.radiance, np.ones((height, width), np.float32)
-    subpixels = _subpixels(view, place)
+    subpixels = 1 if draft else _subpixels(view, place)
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
     origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)

@@ -101,7 +101,7 @@ class Rendering:
         self._width, self._height = view.camera.resolution
         self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
         self._to_camera = opaque_matrix(view.rotation.T)
-        self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place)
+        self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place, draft=scene.render.draft)
         self.pixels = influenced_pixels(view, prepared)
         plate = self.plate.reshape(-1, 3)
         self._light_paths = prepared.integrator.light_paths

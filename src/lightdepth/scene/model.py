@@ -126,6 +126,7 @@ class RenderSettings:
         seed: seed of the random numbers.
         clamp_indirect: largest radiance that one indirect sample may bring; ``None`` (unbiased) clamps nothing.
         irradiance_samples: samples of each of two techniques at each point of support whose irradiance is recovered.
+        draft: a quick look, without what takes longer to prepare than it takes to look.
     """
 
     samples: int = 64
@@ -134,6 +135,7 @@ class RenderSettings:
     seed: int = 0
     clamp_indirect: float | None = None
     irradiance_samples: int = 1024
+    draft: bool = False
 
 
 @dataclass(frozen=True)

@@ -101,9 +101,10 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         bounds: the objects' bounds, or ``None`` without objects.
         max_bounces: scatterings after which a path ends; negative for no limit.
         glosses: the specular lobes that support surfaces may have.
-        clamp_indirect: largest value that light of two or more bounces may add to a sample, or ``None``.
+        clamp_indirect: largest value that light of two or more bounces may add to a sample, or ``None``. Paths from the
+            light are spread over many pixels and need no such bound.
         lit: bounds of the objects that paths from the light are aimed at, or ``None`` for no such paths; there are none
-            either where materials have holes, or with ``clamp_indirect``.
+            either where materials have holes.
     """
 
     def __init__(
@@ -125,7 +126,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.has_support = FaceKind.SUPPORT in surfaces.kinds
         # Light samples are shared between the map and synthetic emitters.
         self.map_share = 0.5 if self.has_emitters else 1.0
-        if bounds and lit and self.has_support and not self.has_masks and clamp_indirect is None:
+        if bounds and lit and self.has_support and not self.has_masks:
             self.light_paths = LightPaths(
                 place, surfaces, bounds, lit, self.lobes, self.max_bounces, self.map_share * CANDIDATES
             )

@@ -24,8 +24,6 @@ POINTS = 2048
 """Points spread over the real surfaces, besides one a face, to find out what is hidden."""
 WORTH_IT = 1e-3
 """Share of the area below which nothing is done about what is hidden."""
-QUICK_LOOK = 64
-"""Samples of the irradiance at a point up to which nothing is done either: it would be a quarter of a draft's time."""
 ROUNDS = 3
 """Times the light of hidden surfaces is found anew: they light each other."""
 MESH_SAMPLES = 16
@@ -67,8 +65,8 @@ def recover_hidden(
 ) -> tuple[Place, RealSurfaces]:
     """Give what the capture point does not see an albedo and a first irradiance.
 
-    Support gets its final irradiance later, from the place as it is then known. Where next to nothing is hidden, and in
-    drafts, everything stays as it is.
+    Support gets its final irradiance later, from the place as it is then known. Where next to nothing is hidden,
+    everything stays as it is.
 
     Args:
         place: the place before insertion, traced with ``surfaces``.
@@ -81,7 +79,7 @@ def recover_hidden(
         with, in which hidden environment is refined and carries it, and support is as modelled.
     """
     generator = generator.spawn(1)[0]
-    if samples <= QUICK_LOOK or not _hides_much(place, surfaces, generator):
+    if not _hides_much(place, surfaces, generator):
         return place, surfaces
     modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
     chosen, seen = _look(place, modelled, generator)

@@ -50,7 +50,8 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     photographed = replace(modelled, vertices=modelled.rest)
     empty = Place(scene.panorama, TracedSurfaces(photographed), infinite)
     samples = scene.render.irradiance_samples
-    if not (infinite or modelled.deformed):
+    draft = scene.render.draft
+    if not (infinite or modelled.deformed or draft):  # It would be a quarter of a draft's time.
         empty, modelled = recover_hidden(empty, modelled, generator, samples)
     shapes = tuple(synthetic_shapes(scene))
     bounds = _bounds(shapes)
@@ -59,14 +60,10 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
     place = Place(scene.panorama, surfaces, infinite) if modelled.deformed else empty.with_surfaces(surfaces)
     settings = scene.render
+    # The kernel of light paths takes longer to compile than a draft's noise is worth.
+    polished = [] if draft else [each for each in shapes if is_polished(each[1])]
     integrator = DifferenceIntegrator(
-        place,
-        surfaces,
-        bounds,
-        settings.max_bounces,
-        real.glosses,
-        settings.clamp_indirect,
-        _bounds([each for each in shapes if is_polished(each[1])]),
+        place, surfaces, bounds, settings.max_bounces, real.glosses, settings.clamp_indirect, _bounds(polished)
     )
     return Prepared(place, surfaces, integrator, shapes, report)
 
