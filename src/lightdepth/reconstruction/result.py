@@ -17,6 +17,7 @@ from lightdepth.reconstruction.coverage import Coverage, enclosing_shell, measur
 from lightdepth.reconstruction.floor import Plane
 from lightdepth.reconstruction.place import Place
 from lightdepth.reconstruction.scene_file import mesh_path, with_surfaces, write_meshes, write_scene
+from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.scene.model import RealSurface
 
 
@@ -45,7 +46,7 @@ class Reconstruction:
                     "role": surface.role.value,
                     "mesh": str(mesh_path(surface, folder)),
                     "faces": len(surface.mesh.faces),
-                    "area": _area(surface),
+                    "area": float(face_areas(surface.mesh.vertices, surface.mesh.faces).sum()),
                 }
                 for surface in self.surfaces
             ],
@@ -115,8 +116,3 @@ def save(reconstruction: Reconstruction, place: Place, folder: Path, scene: Path
         write_png(picture, drawn)
     if scene is not None and content is not None:
         write_scene(scene, content)
-
-
-def _area(surface: RealSurface) -> float:
-    a, b, c = (surface.mesh.vertices[surface.mesh.faces[:, i]].astype(np.float64) for i in range(3))
-    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())

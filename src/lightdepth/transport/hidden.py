@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.kernel.tracing import TracedSurfaces
+from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.transport.adaptive_irradiance import estimate_again, estimate_on_mesh
 from lightdepth.transport.irradiance import estimate_irradiance
 from lightdepth.transport.pieces import separate, wind_toward_capture, with_refined
@@ -109,7 +110,7 @@ def recover_hidden(
 
 def _hides_much(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) -> bool:
     """Whether so much is hidden that it is worth a closer look, told from a few points: scans have millions of faces."""
-    areas = _areas(surfaces)
+    areas = face_areas(surfaces.vertices, surfaces.faces)
     if not areas.any():
         return False
     points, normals, _ = _spread(surfaces, generator.multinomial(POINTS, areas / areas.sum()), generator)
@@ -125,7 +126,7 @@ def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) 
         surfaces: the real surfaces, wound toward the capture point.
         generator: source of randomness.
     """
-    areas = _areas(surfaces)
+    areas = face_areas(surfaces.vertices, surfaces.faces)
     counts = 1 + (POINTS * areas / areas.sum()).astype(np.int64)
     points, normals, face = _spread(surfaces, counts, generator)
     sees, hides, radiance = place.sight(_vectors(points), _vectors(normals))
@@ -150,12 +151,6 @@ def _spread(
     return points, face_normals(surfaces.vertices, surfaces.faces[face]), face
 
 
-def _areas(surfaces: RealSurfaces) -> NDArray[np.float64]:
-    """Of the faces, square metres, shape (m,)."""
-    first, second, third = (surfaces.vertices[surfaces.faces[:, corner]] for corner in range(3))
-    return np.asarray(0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1), np.float64)
-
-
 def _likeness(part: RealSurfaces, seen: SeenPoints) -> NDArray[np.float32]:
     """How much each seen point tells of the colour of each face, shape (m, n).
 
@@ -170,7 +165,7 @@ def _likeness(part: RealSurfaces, seen: SeenPoints) -> NDArray[np.float32]:
     squared = np.square(centre).sum(axis=1)[:, None] + np.square(seen.points).sum(axis=1) - 2.0 * centre @ seen.points.T
     height = np.abs((centre * normal).sum(axis=1)[:, None] - normal @ seen.points.T)
     same_plane = (height < SAME_PLANE) & (normal @ seen.normals.T > PARALLEL)
-    near = 1.0 / np.square(squared + _areas(part)[:, None])
+    near = 1.0 / np.square(squared + face_areas(part.vertices, part.faces)[:, None])
     alike = np.exp(-ALIKE * np.square(normal[:, 2:] - seen.normals[:, 2]))
     return (near * np.where(same_plane, SAME_PLANE_WEIGHT, alike) * seen.area).astype(np.float32)
 
@@ -194,7 +189,7 @@ def _albedo(
     glows = (np.pi * seen.radiance > GLOWING * irradiance).any(axis=1)
     total = int(max(number.max(), seen.face.max())) + 1
     matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[number] for mask in (~glows, glows))
-    lamp = glowing > np.maximum(matt, GLOWING_SHARE * _areas(part))
+    lamp = glowing > np.maximum(matt, GLOWING_SHARE * face_areas(part.vertices, part.faces))
     sent, received = likeness[:, ~glows] @ seen.radiance[~glows], likeness[:, ~glows] @ irradiance[~glows]
     albedo = np.clip(np.pi * sent / np.maximum(received, 1e-30), SMALLEST_ALBEDO, LARGEST_ALBEDO)
     unknown = lamp | (received.max(axis=1) <= 0.0)

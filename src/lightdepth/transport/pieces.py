@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import connected_components
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.opaque import opaque_point
 from lightdepth.kernel.real_surfaces import RealSurfaces, face_normals
+from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.transport.place import Place
 from lightdepth.transport.refinement import RefinedMesh
 
@@ -55,14 +56,7 @@ def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int3
     direction = mi.Vector3f(*map(mi.Float, aligned_columns(offset / distance[:, None])))
     ray = mi.Ray3f(opaque_point(place.capture), direction)
     free = place.surfaces.real.ray_intersect_preliminary(ray, coherent=False).t.numpy() > 0.999 * distance
-    twice_area = np.linalg.norm(
-        np.cross(
-            surfaces.rest[faces[:, 1]] - surfaces.rest[faces[:, 0]],
-            surfaces.rest[faces[:, 2]] - surfaces.rest[faces[:, 0]],
-        ),
-        axis=1,
-    )
-    facing = -np.sign((normal * offset).sum(axis=1)) * twice_area * np.where(free, 1.0, 1e-6)
+    facing = -np.sign((normal * offset).sum(axis=1)) * face_areas(surfaces.rest, faces) * np.where(free, 1.0, 1e-6)
     count = len(surfaces.vertices)
     _, same_position = np.unique(np.round(surfaces.vertices / 1e-5).astype(np.int64), axis=0, return_inverse=True)
     merged = same_position.reshape(-1)[faces]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.kernel.tracing import RealHit, TracedSurfaces
+from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.transport.adaptive_irradiance import DARK, estimate_on_mesh, share_of_view
 from lightdepth.transport.bounds import Sphere
 from lightdepth.transport.irradiance import estimate_irradiance, estimate_mirrored
@@ -102,8 +103,7 @@ def _check(
     """Compare the interpolated irradiance with a careful estimate at random points, most of them near objects."""
     points, faces = mesh.points, mesh.faces
     corners = points[faces].astype(np.float64)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    importance = area * share_of_view(corners.mean(axis=1), spheres)
+    importance = face_areas(points, faces) * share_of_view(corners.mean(axis=1), spheres)
     face = generator.choice(len(faces), CHECK_POINTS, p=importance / importance.sum())
     weights = generator.dirichlet((1.0, 1.0, 1.0), CHECK_POINTS)
     at = np.einsum("nk,nkx->nx", weights, corners[face]).astype(np.float32)

@@ -22,6 +22,12 @@ def placement(position: Triple, rotation: Triple, scale: Triple) -> NDArray[np.f
     return matrix
 
 
+def face_areas(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Areas of triangles, shape (m,), in the square of the vertices' unit."""
+    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1), np.float64)
+
+
 def transformed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     """The mesh under an affine map of shape (4, 4); rest positions move along, mirrored faces keep their outside."""
     linear, offset = matrix[:3, :3], matrix[:3, 3]
@@ -77,8 +83,7 @@ def checked(mesh: Mesh, keep_flat: bool = False) -> Mesh:
     if outside.any():
         face = int(outside.any(axis=1).argmax())
         raise ValueError(f"face {face} names vertices {mesh.faces[face].tolist()}, but there are {len(mesh.vertices)}")
-    a, b, c = (mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3))
-    solid = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.0
+    solid = face_areas(mesh.vertices, mesh.faces) > 0.0
     if not solid.any() and not keep_flat:
         raise ValueError(f"all {len(solid)} triangles are degenerate (without area)")
     return mesh if solid.all() or keep_flat else replace(mesh, faces=mesh.faces[solid])
