@@ -63,3 +63,21 @@ def test_old_version_is_refused(tmp_path, source, complaint):
     assert complaint in result.stderr
     assert "pip install karellen-llvm-core" in result.stderr
     assert result.returncode == 1
+
+
+def test_an_old_library_that_is_loaded_already_is_refused():
+    own_search = {name: value for name, value in os.environ.items() if name != "DRJIT_LIBLLVM_PATH"}
+    code = (
+        "import drjit as dr; from lightdepth.errors import SetupError; from lightdepth.kernel.start import start\n"
+        "print(dr.detail.llvm_version()[0], flush=True)\n"
+        "try: start('cpu')\n"
+        "except SetupError as e: exit(str(e))\n"
+        "import mitsuba as mi; print(mi.Float(1.0) + 1.0)"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], env=own_search, capture_output=True, text=True, check=False)
+    if int(ended.stdout.split()[0]) < 17:
+        assert ended.returncode == 1
+        assert "was imported before lightdepth started" in ended.stderr
+    else:
+        assert ended.returncode == 0
+        assert "2" in ended.stdout

@@ -80,13 +80,14 @@ def start(device: Device = "auto") -> str:
         The variant's name.
 
     Raises:
-        SetupError: libLLVM is missing, too old or broken, or another device was started before.
+        SetupError: libLLVM is missing, too old or broken, or Dr.Jit was imported before and found an old one by itself.
         InputError: CUDA was asked for and is not there.
     """
     if device != "cuda":
         library = find_libllvm()
         libllvm_version(library)
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+    import drjit as dr
     import mitsuba as mi
 
     if mi.variant() is None:
@@ -98,4 +99,11 @@ def start(device: Device = "auto") -> str:
                 raise InputError(f"--device cuda: no usable CUDA device ({error}); allowed here: auto, cpu") from error
             raise SetupError(f"Mitsuba did not start ({error})") from error
         mi.set_log_level(mi.LogLevel.Error)
-    return str(mi.variant())
+    variant = str(mi.variant())
+    if variant.startswith("llvm") and (loaded := dr.detail.llvm_version())[0] < OLDEST_LLVM:
+        raise SetupError(
+            f"Dr.Jit was imported before lightdepth started, and had loaded libLLVM {loaded[0]}; {OLDEST_LLVM} or later "
+            "is needed. Import drjit and mitsuba after `lightdepth.kernel.start.start()`, or set DRJIT_LIBLLVM_PATH to "
+            f"{find_libllvm()}."
+        )
+    return variant
