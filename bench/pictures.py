@@ -37,7 +37,9 @@ def plot_convergence(results: dict[str, Any], place: str, camera: str, path: Pat
         axis.set_xlabel("seconds")
         axis.grid(visible=True, which="both", alpha=0.25)
     axes[0].set_ylabel("RMSE, % of the region's mean")
-    axes[1].legend(fontsize=7)
+    # Below the curves: inside the axes it would hide some.
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, fontsize=7, loc="outside lower center", ncols=4)
     figure.savefig(path, dpi=100)
     plt.close(figure)
 

@@ -16,7 +16,7 @@ import lightdepth
 from lightdepth.film.layers import write_frame, write_picture
 
 SCENE = Path(__file__).with_name("scene.toml")
-SAMPLES = {"view": 48, "dome": 32, "pano": 32}
+SAMPLES = {"view": 32, "dome": 24, "pano": 24}
 
 
 def main() -> None:
