@@ -7,6 +7,7 @@ spheres around the objects, and paths that can hardly meet one any more are ende
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -102,14 +103,7 @@ class Cones:
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
         """A unit direction, uniform over the cones; ``choice`` and ``position`` are uniform in [0, 1)."""
-        remaining = choice * self.solid_angle
-        axis, versine = self._axes[0], self._solid_angles[0]
-        chosen = mi.Bool(False)
-        for candidate, solid_angle in zip(self._axes, self._solid_angles, strict=True):
-            here = ~chosen & (remaining < solid_angle)
-            axis, versine = dr.select(here, candidate, axis), dr.select(here, solid_angle, versine)
-            chosen |= here
-            remaining = dr.select(chosen, remaining, remaining - solid_angle)
+        axis, versine = _picked(choice, self.solid_angle, self._solid_angles, self._axes, self._solid_angles)
         fall = position.x * versine * dr.inv_two_pi
         sine = dr.safe_sqrt(fall * (2.0 - fall))
         sin_phi, cos_phi = dr.sincos(dr.two_pi * position.y)
@@ -138,11 +132,10 @@ class Beams:
     def __init__(self, place: mi.Vector3f, finite: mi.Bool, centres: list[mi.Point3f], radii: list[mi.Float]) -> None:
         self._place, self._finite, self._centres, self._radii = place, finite, centres, radii
         self._cones = Cones(mi.Point3f(place), centres, radii)
-        areas = [dr.pi * dr.square(radius) for radius in radii]
+        self._areas = [dr.pi * dr.square(radius) for radius in radii]
         self._total_area = mi.Float(0.0)
-        for area in areas:
+        for area in self._areas:
             self._total_area += area
-        self._areas = areas
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f]:
         """Draw rays: origins (for sky, beside the sphere that the ray is aimed at), and unit directions.
@@ -150,14 +143,7 @@ class Beams:
         ``choice`` and ``position`` are uniform in [0, 1).
         """
         toward = self._cones.sample(choice, position)
-        remaining = choice * self._total_area
-        centre, radius = mi.Point3f(self._centres[0]), mi.Float(self._radii[0])
-        chosen = mi.Bool(False)
-        for candidate, size, area in zip(self._centres, self._radii, self._areas, strict=True):
-            here = ~chosen & (remaining < area)
-            centre, radius = dr.select(here, candidate, centre), dr.select(here, size, radius)
-            chosen |= here
-            remaining = dr.select(chosen, remaining, remaining - area)
+        centre, radius = _picked(choice, self._total_area, self._areas, self._centres, self._radii)
         disk = mi.warp.square_to_uniform_disk_concentric(position)
         beside = centre + radius * (mi.Frame3f(self._place).to_world(mi.Vector3f(disk.x, disk.y, 0.0)) + self._place)
         return (
@@ -178,6 +164,26 @@ class Beams:
             across = dr.squared_norm(offset) - dr.square(dr.dot(offset, direction))
             covering += dr.select(across <= dr.square(radius), 1.0, 0.0)
         return dr.select(self._finite, self._cones.pdf(direction), covering / self._total_area)
+
+
+def _picked(choice: mi.Float, total: mi.Float, sizes: list[mi.Float], *columns: list[Any]) -> list[Any]:
+    """What columns hold in one row, picked in proportion to the rows' sizes.
+
+    Args:
+        choice: uniform in [0, 1).
+        total: of the sizes.
+        sizes: of the rows, not negative.
+        columns: numbers, points or vectors, one for each row.
+    """
+    remaining = choice * total
+    picked = [column[0] for column in columns]
+    chosen = mi.Bool(False)
+    for size, *row in zip(sizes, *columns, strict=True):
+        here = ~chosen & (remaining < size)
+        picked = [dr.select(here, value, before) for value, before in zip(row, picked, strict=True)]
+        chosen |= here
+        remaining = dr.select(chosen, remaining, remaining - size)
+    return picked
 
 
 def _merge_nearest(spheres: list[Sphere]) -> list[Sphere]:

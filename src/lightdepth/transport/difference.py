@@ -226,7 +226,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # Light paths come by way of objects alone to the support that the camera sees.
         odds = dr.select(vertex.on_synthetic & ~first, path.odds, 0.0)
         if self.light_paths is not None:
-            begun = self.light_paths.odds_at_support(path.odds, ray, hit, direction, pdf)
+            cosines = -dr.dot(hit.normal, ray.d), dr.dot(hit.normal, direction)
+            begun = self.light_paths.odds_at_support(path.odds, hit.distance, *cosines, pdf)
             odds = dr.select(in_difference & first, begun, odds)
 
         # Passing through a mask's hole is no scattering: what was known of the last one stays.
@@ -273,21 +274,14 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         distance = dr.norm(hit.point - last.point)
         radiance, pdf = self.place.seen(hit, ray.d, distance, wanted)
         value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
-        finite = mi.Bool(False) if self.place.infinite else hit.valid
-        light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
-        share = self._camera_share(path.odds, light, finite, pdf, distance, last.point, ray.d, last.pdf)
-        return dr.select(wanted, dr.select(blocked, -value, value * share), 0.0)
-
-    def _camera_share(self, odds: mi.Float, *light: mi.Float | mi.Vector3f | mi.Bool) -> mi.Float:
-        """Weight of paths from the camera beside those from the light.
-
-        Args:
-            odds: of :class:`DifferencePath`.
-            light: what :meth:`LightPaths.odds_at_light` asks for.
-        """
-        if self.light_paths is None:
-            return mi.Float(1.0)
-        return self.light_paths.weight(odds * self.light_paths.odds_at_light(*light))
+        if self.light_paths is not None:
+            finite = mi.Bool(False) if self.place.infinite else hit.valid
+            light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
+            weight = self.light_paths.camera_weight(
+                path.odds, light, finite, pdf, distance, last.point, ray.d, last.pdf
+            )
+            value *= dr.select(blocked, 1.0, weight)
+        return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
 
     def _remembered(
         self, cache: ChangeCache, path: DifferencePath, hit: RealHit, on_support: mi.Bool
@@ -371,10 +365,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         chance = dr.select(first, randoms.spread("candidate")[0], randoms.next(active))
         choice, gain = self._most_useful(context, vertex, active & from_map, choice, chance, weight_samples)
         light = self.place.light(choice, active & from_map)
-        direction, distance, pdf = self.place.toward(light, vertex.point)
-        weighed, map_pdf = pdf * weight_samples, mi.Float(pdf)  # pdf itself changes below.
+        direction, distance, map_pdf = self.place.toward(light, vertex.point)
+        weighed, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * CANDIDATES)
         radiance = light.radiance * gain
-        pdf *= self.map_share * CANDIDATES
         if self.has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
             reference.p, reference.n = vertex.point, vertex.normal
@@ -388,10 +381,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
         value, scattering_pdf = self._scattering(context, vertex, direction, active)
         value *= radiance * (_mis_weight(weighed, scattering_pdf) / dr.maximum(pdf, 1e-20))
-        share = self._camera_share(
-            path.odds, light.place, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
-        )
-        value *= dr.select(vertex.on_synthetic & from_map & ~first, share, 1.0)
+        if self.light_paths is not None:
+            camera_weight = self.light_paths.camera_weight(
+                path.odds, light.place, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
+            )
+            value *= dr.select(vertex.on_synthetic & from_map & ~first, camera_weight, 1.0)
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
         value *= self._visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
         return dr.select(useful, self._clamped(value, path.depth), 0.0)

@@ -8,7 +8,6 @@ likelier one (bidirectional path tracing, Veach and Guibas 1995, with this one c
 from __future__ import annotations
 
 from collections.abc import Callable
-from copy import copy
 from dataclasses import dataclass
 
 import drjit as dr
@@ -122,22 +121,23 @@ class LightPaths:
 
     @staticmethod
     def odds_at_support(
-        pixel: mi.Float, ray: mi.Ray3f, hit: RealHit, direction: mi.Vector3f, pdf: mi.Float
+        pixel: mi.Float, distance: mi.Float, cosine: mi.Float, onward_cosine: mi.Float, pdf: mi.Float
     ) -> mi.Float:
         """The factor of the odds that the camera and the support decide.
 
         Args:
             pixel: solid angle of the pixel, steradians, times the light paths for each path from the camera.
-            ray: from the camera, world, to ``hit``.
-            hit: support.
-            direction: from there to an object, unit, world.
-            pdf: density with which paths from the camera draw it, per steradian.
+            distance: from the camera to the support, metres.
+            cosine: there, between the normal and the direction to the camera, positive.
+            onward_cosine: likewise to an object; not positive behind the surface.
+            pdf: density with which paths from the camera draw that direction, per steradian.
         """
-        area = pixel * dr.square(hit.distance) / dr.maximum(dr.abs(dr.dot(hit.normal, ray.d)), 1e-4)
-        return area * dr.maximum(dr.dot(hit.normal, direction), 0.0) / dr.maximum(pdf, 1e-20)
+        area = pixel * dr.square(distance) / dr.maximum(cosine, 1e-4)
+        return area * dr.maximum(onward_cosine, 0.0) / dr.maximum(pdf, 1e-20)
 
-    def odds_at_light(
+    def camera_weight(
         self,
+        odds: mi.Float,
         light: mi.Vector3f,
         finite: mi.Bool,
         pdf: mi.Float,
@@ -146,9 +146,10 @@ class LightPaths:
         direction: mi.Vector3f,
         scattering_pdf: mi.Float,
     ) -> mi.Float:
-        """The factor of the odds that the light and the object next to it decide.
+        """Weight of paths from the camera that have come to an object and from there to a light.
 
         Args:
+            odds: the factor of the odds that the first of their surfaces decided; 0 where no light path does the same.
             light: where it is, world, metres where ``finite``; of sky the direction toward it.
             finite: false for sky.
             pdf: density with which light sampling at ``point`` finds it, per steradian.
@@ -160,7 +161,7 @@ class LightPaths:
         """
         beams = self.lit.beams(light, finite)
         density = pdf * beams.pdf(point, -direction) * dr.select(finite, dr.rcp(dr.square(distance)), 1.0)
-        return density * self._scattered_share(scattering_pdf, pdf)
+        return self.weight(odds * (density * self._scattered_share(scattering_pdf, pdf)))
 
     def _scattered_share(self, scattering_pdf: mi.Float, pdf: mi.Float) -> mi.Float:
         """Share of the paths from the camera that scattering, and not light sampling, sends to a light."""
@@ -194,7 +195,7 @@ class LightPaths:
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)
         density = light_density * beams.pdf(origin, direction)
-        active = (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit & (self.max_bounces >= 2)
+        active = (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit
         # Light of the sky must first come so far.
         outward = mi.Ray3f(origin, -direction)
         before = self.surfaces.synthetic if self.place.infinite else self.surfaces.all
@@ -277,7 +278,8 @@ class LightPaths:
     def _seen(self, path: LightPath, connect: Connect, per_path: mi.Float) -> Arrivals:
         """What the camera sees of the light that paths bring to support."""
         hit, incoming = path.hit, -path.ray.d
-        active = path.arrived & (hit.kind == int(FaceKind.SUPPORT)) & (dr.dot(hit.normal, incoming) > 0.0)
+        incoming_cosine = dr.dot(hit.normal, incoming)
+        active = path.arrived & (hit.kind == int(FaceKind.SUPPORT)) & (incoming_cosine > 0.0)
         camera = connect(hit.point, path.randoms)
         offset = camera.origin - hit.point
         distance = dr.norm(offset)
@@ -291,12 +293,9 @@ class LightPaths:
             rho, hit.normal, outgoing, self.lobes, hit.gloss, cones, mi.Float(1.0), specular_scale
         )
         value, pdf = support.evaluate(incoming)
-        towards = mi.Ray3f(camera.origin, -outgoing)
-        met = copy(hit)
-        met.distance = distance
-        odds = path.odds * self.odds_at_support(camera.solid_angle * per_path, towards, met, incoming, pdf)
+        odds = path.odds * self.odds_at_support(camera.solid_angle * per_path, distance, cosine, incoming_cosine, pdf)
         radiance = path.flux * value * cosine * (1.0 - self.weight(odds))
-        radiance /= dr.maximum(dr.dot(hit.normal, incoming), 1e-6)
+        radiance /= dr.maximum(incoming_cosine, 1e-6)
         radiance /= dr.maximum(camera.solid_angle * dr.square(distance), 1e-20)
         active &= dr.max(radiance) > 0.0
         ray = shadow_ray(hit.point, hit.normal, outgoing, distance)
