@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -12,7 +13,7 @@ if TYPE_CHECKING:
 Vector3 = tuple[float, float, float]
 
 
-class Camera(BaseModel):
+class Camera(BaseModel, ABC):
     """Base of the cameras: the settings of a ``[camera.NAME]`` table in a scene file.
 
     Camera space has its origin at the camera, looks along +y, with x to the right and z up. ``rotation`` (XYZ Euler,
@@ -28,10 +29,11 @@ class Camera(BaseModel):
     rotation: Vector3 | None = None
 
     @property
+    @abstractmethod
     def resolution(self) -> tuple[int, int]:
         """Width and height in pixels."""
-        raise NotImplementedError
 
+    @abstractmethod
     def camera_rays(self, film: mi.Point2f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f, mi.Bool]:
         """Rays in camera space through points of the film.
 
@@ -43,8 +45,8 @@ class Camera(BaseModel):
             ``(origins in metres, unit directions, inside)``, where ``inside`` is false for points of the film that
             see nothing (outside a fisheye's circle).
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def film_points(self, target: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f, mi.Bool]:
         """Where the film shows points: :meth:`camera_rays` turned round.
 
@@ -56,8 +58,12 @@ class Camera(BaseModel):
             ``(origins, film, inside)``: the ray through ``film`` that starts at the origin, in camera space, meets the
             point. Where not ``inside`` the film does not show it.
         """
-        raise NotImplementedError
 
+    @abstractmethod
     def solid_angle(self, direction: mi.Vector3f) -> mi.Float:
         """Steradians that rays of one origin fill per unit of film area, around unit directions in camera space."""
-        raise NotImplementedError
+
+    def pixel_angle(self, direction: mi.Vector3f) -> mi.Float:
+        """Solid angle of the pixels around unit directions in camera space, steradians."""
+        width, height = self.resolution
+        return self.solid_angle(direction) * (1.0 / (width * height))

@@ -56,7 +56,7 @@ class Fisheye(Camera):
             radius = dr.sin(0.5 * theta) / math.sin(math.radians(0.25 * self.fov))
         scale = radius / dr.maximum(off_axis, 1e-20)
         film = mi.Point2f(0.5 + 0.5 * scale * target.x, 0.5 - 0.5 * scale * target.z)
-        return mi.Point3f(0.0), film, (radius <= 1.0) & (theta <= math.radians(0.5 * self.fov))
+        return mi.Point3f(0.0), film, radius <= 1.0
 
     def solid_angle(self, direction: mi.Vector3f) -> mi.Float:  # noqa: D102
         import drjit as dr

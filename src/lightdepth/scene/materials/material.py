@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict
@@ -9,11 +10,12 @@ from pydantic import BaseModel, ConfigDict
 Plugin = dict[str, Any]
 
 
-class Material(BaseModel):
+class Material(BaseModel, ABC):
     """Base of the materials: the settings of a ``material = { type = ... }`` table."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 
+    @abstractmethod
     def plugins(self) -> dict[str, Plugin]:
         """The Mitsuba plugins that make this material, as plain dictionaries.
 
@@ -21,7 +23,6 @@ class Material(BaseModel):
             ``{"bsdf": ...}`` and, for what shines by itself, ``"emitter"`` as well. Textures stand in them as
             ``Texture`` values; ``kernel`` turns these into bitmaps.
         """
-        raise NotImplementedError
 
 
 def rgb(colour: Any) -> Any:
