@@ -161,8 +161,10 @@ def _renderable(scene: Scene) -> tuple[str, ...]:
 
 @lru_cache(maxsize=2)
 def _drafted(scene: Scene) -> Scene:
-    settings = replace(scene.render, samples=DRAFT_SAMPLES, noise=None, draft=True)
-    return replace(scene, render=replace(settings, irradiance_samples=DRAFT_IRRADIANCE_SAMPLES))
+    settings = replace(
+        scene.render, samples=DRAFT_SAMPLES, noise=None, irradiance_samples=DRAFT_IRRADIANCE_SAMPLES, draft=True
+    )
+    return replace(scene, render=settings)
 
 
 @lru_cache(maxsize=2)

@@ -89,15 +89,15 @@ class Accumulator:
             del self._change, self._synthetic, self._squares, self._covered
         return result
 
-    def relative_errors(self, floor: float, of_samples: bool = False) -> NDArray[np.float32]:
+    def relative_errors(self, floor: float, with_light: bool = True) -> NDArray[np.float32]:
         """Estimated standard error of each pixel relative to its brightness plus ``floor``, shape (n,), float32.
 
         Args:
             floor: radiance.
-            of_samples: without the part that more samples of the pixel would not lessen, that of light paths.
+            with_light: with the part of the light paths, which more samples of the pixel would not lessen.
         """
         errors = np.empty(len(self._pixels), np.float32)
-        for part, means in self._means(self._sums(), with_light=not of_samples):
+        for part, means in self._means(self._sums(), with_light):
             plate = self._plate[self._pixels[part]]
             beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
             errors[part] = np.sqrt(means.variance.mean(axis=1)) / (np.maximum(beauty.mean(axis=1), 0.0) + floor)

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+import math
+
+import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.transport.light_paths import Arrivals
+from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.scene.model import CameraView
+from lightdepth.transport.light_paths import Arrivals, Connection, LightPaths
+from lightdepth.transport.randoms import Randoms, begin_path
 
+SHARE = 0.5
+"""Paths from the light for each path from the camera;"""
+AT_ONCE = 1 << 19
+"""at most so many at once,"""
+SEED = 0x6C696768
+"""with random numbers of their own."""
 NOWHERE = np.uint32(0xFFFFFFFF)
 
 
@@ -14,21 +27,49 @@ class LightImage:
     """Sums over light paths for a list of n pixels.
 
     Args:
+        light_paths: how they go.
+        view: the camera.
         pixels: row-major indices, ascending, shape (n,), uint32.
-        resolution: width and height of the image.
+        seed: of the random numbers.
 
     Attributes:
         count: light paths so far.
     """
 
-    def __init__(self, pixels: NDArray[np.uint32], resolution: tuple[int, int]) -> None:
-        self._width, self._height = resolution
+    def __init__(self, light_paths: LightPaths, view: CameraView, pixels: NDArray[np.uint32], seed: int) -> None:
+        self._light_paths, self._camera, self._seed = light_paths, view.camera, seed ^ SEED
+        self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
+        self._to_camera = opaque_matrix(view.rotation.T)
+        self._width, self._height = view.camera.resolution
         self._slots: NDArray[np.uint32] | None = None
         if len(pixels) < self._width * self._height:
             self._slots = np.full(self._width * self._height, NOWHERE)
             self._slots[pixels] = np.arange(len(pixels), dtype=np.uint32)
         self.count = 0
         self._sums, self._squares = (np.zeros((len(pixels), 3), np.float32) for _ in range(2))
+
+    def paths_a_sample(self) -> mi.Float:
+        """How many light paths there are for each path from the camera through one pixel."""
+        return dr.opaque(mi.Float, SHARE * len(self._sums))
+
+    def follow(self, paths: int) -> None:
+        """Follow as many light paths as the next ``paths`` from the camera call for."""
+        seed, paths_a_sample = dr.opaque(mi.UInt32, self._seed), self.paths_a_sample()
+        left = math.ceil(SHARE * paths)
+        while left > 0:
+            count, first = min(left, AT_ONCE), dr.opaque(mi.UInt32, self.count)
+            randoms = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)
+            arrivals = self._light_paths.trace(randoms, self._connect, paths_a_sample)
+            dr.eval(arrivals)
+            self.add(arrivals, count)
+            left -= count
+
+    def _connect(self, point: mi.Point3f, randoms: Randoms) -> Connection:
+        """How the camera sees points, world."""
+        target = mi.Point3f(self._to_camera @ (point - self._origin))
+        start, film, inside = self._camera.film_points(target, mi.Point2f(randoms.next(), randoms.next()))
+        angle = self._camera.pixel_angle(dr.normalize(target - start))
+        return Connection(self._origin + self._rotation @ start, film, angle, inside)
 
     def add(self, arrivals: Arrivals, count: int) -> None:
         """Add what ``count`` light paths bring."""

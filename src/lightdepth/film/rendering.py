@@ -23,7 +23,6 @@ from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Scene
 from lightdepth.transport.integrator import CameraSums
-from lightdepth.transport.light_paths import Connection
 from lightdepth.transport.methods import Prepared
 from lightdepth.transport.place import LIGHT_SAMPLES
 from lightdepth.transport.randoms import Randoms, begin_path
@@ -52,12 +51,6 @@ LIGHTS_SERVE = 1 << 21
 """Camera paths after which new light samples are drawn,"""
 FEWEST_LIGHTS = 15
 """at least two to this power of them."""
-LIGHT_SHARE = 0.5
-"""Paths from the light for each path from the camera;"""
-LIGHT_PATHS = 1 << 19
-"""at most so many at once,"""
-LIGHT_SEED = 0x6C696768
-"""with random numbers of their own."""
 LEARNING_SHARE = 0.1
 """Paths that learn what surfaces send, relative to those that estimate pixels;"""
 FIRST_SHARE, FIRST_PATHS = 0.25, 1 << 15
@@ -100,12 +93,11 @@ class Rendering:
         self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
         self._width, self._height = view.camera.resolution
         self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
-        self._to_camera = opaque_matrix(view.rotation.T)
         self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place, draft=scene.render.draft)
         self.pixels = influenced_pixels(view, prepared)
         plate = self.plate.reshape(-1, 3)
-        self._light_paths = prepared.integrator.light_paths
-        self._light = LightImage(self.pixels, view.camera.resolution) if self._light_paths is not None else None
+        light_paths = prepared.integrator.light_paths
+        self._light = None if light_paths is None else LightImage(light_paths, view, self.pixels, seed)
         self._accumulator = Accumulator(plate, self.pixels, self._light)
         some = plate[self.pixels[:: max(1, len(self.pixels) >> 16)]]
         self._dark = DARK * float(np.median(some.mean(axis=1))) + 1e-12 if len(some) else 1.0
@@ -234,7 +226,7 @@ class Rendering:
             left = samples * taken.size - spent
             if left < QUANTUM * taken.size / 64 or taken.max(initial=0) > _pilot(samples):
                 return np.zeros(taken.size, np.int32), spent
-            more = self._smoothed(self._accumulator.relative_errors(self._dark, of_samples=True))
+            more = self._smoothed(self._accumulator.relative_errors(self._dark, with_light=False))
             more *= left / max(float(more.sum(dtype=np.float64)), 1e-30)
             np.minimum(more, MOST_SHARE * samples, out=more)
             whole = spent + left
@@ -275,7 +267,8 @@ class Rendering:
             self._lights_served = LIGHTS_SERVE
         self._lights_served -= paths
         self._learn(paths)
-        self._follow_light(paths)
+        if self._light is not None:
+            self._light.follow(paths)
         sums = self._follow(self.pixels[slots], self._accumulator.taken[slots], counts)
         self._accumulator.add(slots, sums, counts)
         dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
@@ -301,9 +294,8 @@ class Rendering:
     ) -> CameraSums:
         """Follow ``counts`` paths for each pixel, from its sample number ``first`` on."""
         pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in (pixels, first, counts))
-        seed = dr.opaque(mi.UInt32, self._seed)
-
-        camera, per_path = self._view.camera, self._light_paths_per_path()
+        seed, camera = dr.opaque(mi.UInt32, self._seed), self._view.camera
+        paths_a_sample = mi.Float(0.0) if self._light is None else self._light.paths_a_sample()
 
         def camera_rays(number: mi.UInt32) -> tuple[Randoms, mi.Ray3f, mi.Bool, mi.Float]:
             randoms = begin_path(pixel, offset + number, seed)
@@ -312,40 +304,11 @@ class Rendering:
             film.y = (mi.Float(pixel // self._width) + y) / self._height
             start, direction, inside = camera.camera_rays(film, mi.Point2f(randoms.spread("lens")))
             ray = mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction)
-            return randoms, ray, inside, self._pixel_angle(direction) * per_path
+            return randoms, ray, inside, camera.pixel_angle(direction) * paths_a_sample
 
         sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, self._cache)
         dr.eval(sums)
         return sums
-
-    def _follow_light(self, paths: int) -> None:
-        """Follow as many paths from the light as the next ``paths`` from the camera call for."""
-        if self._light_paths is None or self._light is None:
-            return
-        seed, per_path = dr.opaque(mi.UInt32, self._seed ^ LIGHT_SEED), self._light_paths_per_path()
-        left = math.ceil(LIGHT_SHARE * paths)
-        while left > 0:
-            count, first = min(left, LIGHT_PATHS), dr.opaque(mi.UInt32, self._light.count)
-            randoms = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)
-            arrivals = self._light_paths.trace(randoms, self._connect, per_path)
-            dr.eval(arrivals)
-            self._light.add(arrivals, count)
-            left -= count
-
-    def _connect(self, point: mi.Point3f, randoms: Randoms) -> Connection:
-        """How the camera sees points, world."""
-        target = mi.Point3f(self._to_camera @ (point - self._origin))
-        start, film, inside = self._view.camera.film_points(target, mi.Point2f(randoms.next(), randoms.next()))
-        angle = self._pixel_angle(dr.normalize(target - start))
-        return Connection(self._origin + self._rotation @ start, film, angle, inside)
-
-    def _pixel_angle(self, direction: mi.Vector3f) -> mi.Float:
-        """Solid angle of pixels around unit directions in camera space, steradians."""
-        return self._view.camera.solid_angle(direction) * (1.0 / (self._width * self._height))
-
-    def _light_paths_per_path(self) -> mi.Float:
-        """How many paths from the light there are for each path from the camera through one pixel."""
-        return dr.opaque(mi.Float, LIGHT_SHARE * len(self.pixels))
 
 
 def _pilot(samples: int) -> int:
