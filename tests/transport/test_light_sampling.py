@@ -11,8 +11,10 @@ start("cpu")
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
+from lightdepth.directions import pixel_solid_angles  # noqa: E402
 from lightdepth.kernel.real_surfaces import merge_real_surfaces  # noqa: E402
-from lightdepth.kernel.tracing import TracedSurfaces, leave  # noqa: E402
+from lightdepth.kernel.tracing import TracedSurfaces, shadow_ray  # noqa: E402
+from lightdepth.lightmap.distribution import MapDistribution, hilbert_curve  # noqa: E402
 from lightdepth.transport.place import Place  # noqa: E402
 from tests.transport.places import CAPTURE, HIGH, LOW, lamp_image, room  # noqa: E402
 
@@ -23,9 +25,10 @@ def make_place(scene, infinite=False):
     return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), infinite)
 
 
-@pytest.fixture(scope="module")
-def place():
-    return make_place(room(lamp_image(128)))
+@pytest.fixture(scope="module", params=[False, True], ids=["what stands out", "all light"])
+def place(request):
+    scene = room(lamp_image(128))
+    return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), alone=request.param)
 
 
 def bin_of(direction):
@@ -61,7 +64,7 @@ def test_samples_follow_the_density_from_any_point(place, point):
     number = 1 << 18
     light = place.light((dr.arange(mi.Float, number) + 0.5) / number, mi.Bool(True))
     direction, distance, pdf = place.toward(light, mi.Point3f(point))
-    free = ~place.surfaces.real.ray_test(leave(mi.Point3f(point), direction, direction, distance * 0.999))
+    free = ~place.surfaces.real.ray_test(shadow_ray(mi.Point3f(point), direction, direction, distance))
     kept = (free & (pdf > 0.0)).numpy()
     observed = np.bincount(bin_of(direction.numpy())[kept], minlength=BINS[0] * BINS[1])
     expected = expected_shares(place, point) * number
@@ -142,3 +145,47 @@ def test_a_single_bright_pixel_is_sampled_without_outliers():
     radiance, pdf = place.map.radiance_and_pdf(direction)
     weight = (radiance / pdf).numpy()
     assert weight.max() < 1.1 * weight.mean()
+
+
+def bright_spots(count):
+    """A grey panorama with ``count`` equal lamps of 3 by 3 pixels along the horizon, and where they are."""
+    image = np.ones((64, 128, 3), np.float32)
+    columns = np.arange(count) * 128 // count + 5
+    for column in columns:
+        image[30:33, column - 1 : column + 2] = 400.0
+    return image, columns
+
+
+def test_what_is_no_brighter_than_the_mean_is_left_to_scattering():
+    image, _ = bright_spots(4)
+    generator = np.random.default_rng(4)
+    _, direction = MapDistribution(image).sample(1 << 14, generator)
+    # The rims of the lamps are interpolated: half a pixel around them is as dark as any.
+    assert MapDistribution(image).radiance(direction).x.numpy().min() > 1.0
+    _, direction = MapDistribution(image, alone=True).sample(1 << 14, generator)
+    light = image[..., 0].mean(axis=1) @ pixel_solid_angles(64, 128) * 128
+    is_grey = MapDistribution(image).radiance(direction).x.numpy() == 1.0
+    assert is_grey.mean() == pytest.approx(4.0 * np.pi / light, abs=0.01)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_of_an_even_map_everything_is_sampled(noise):
+    image = 1.0 + noise * np.random.default_rng(8).random((64, 128, 3), dtype=np.float32)
+    index, _ = MapDistribution(image).sample(1 << 15, np.random.default_rng(9))
+    assert len(np.unique(index)) > 0.9 * 64 * 128 * 2 / np.pi
+
+
+def test_evenly_spaced_samples_are_spread_over_the_lamps():
+    image, columns = bright_spots(8)
+    index, _ = MapDistribution(image).sample(1 << 14, np.random.default_rng(10))
+    column = index.reshape(8, -1) % 128  # Evenly spaced ones are the columns of this.
+    nearest = np.abs((column[..., None] - columns + 64) % 128 - 64).argmin(axis=-1)
+    lamps_met = np.array([len(np.unique(numbers)) for numbers in nearest.T])
+    assert lamps_met.mean() > 7.5  # Of independent ones, 8 (1 - (7/8)^8) = 5.25.
+
+
+def test_the_curve_goes_from_neighbour_to_neighbour():
+    curve = hilbert_curve(5)
+    place_of = np.empty((curve.size, 2), int)
+    place_of[curve.ravel()] = np.indices(curve.shape).reshape(2, -1).T
+    assert (np.abs(np.diff(place_of, axis=0)).sum(axis=1) == 1).all()

@@ -5,6 +5,10 @@ poles at the opposite longitude. The density is sampled from *the same* interpol
 probability proportional to its luminance times its solid angle, then moved by a tent of one pixel's half-width. A
 sum of such tents is the bilinear interpolation of the pixels' probabilities, so that a lamp of a few pixels at
 radiance 30,000 gives no outliers where its edge is interpolated.
+
+What is no brighter than the rest is found well enough by the directions that surfaces scatter light into. Where those are
+taken too, light sampling had better keep to what stands out: a pixel's luminance counts less the map's mean (Karlik et
+al. 2019, "MIS compensation").
 """
 
 from __future__ import annotations
@@ -19,6 +23,27 @@ from lightdepth.kernel.arrays import aligned, aligned_empty
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 PIXELS_AT_ONCE = 1 << 18
+EVEN = 0.01
+"""Where what stands out is less than this share of the light, the map is taken to be even, and all of it is sampled."""
+
+
+def hilbert_curve(levels: int) -> NDArray[np.uint16]:
+    """Numbers of the cells of two squares side by side along one Hilbert curve.
+
+    Args:
+        levels: the squares have 2 to this power cells a side; at most 7.
+
+    Returns:
+        Shape (2 ** levels, 2 ** (levels + 1)); cells with numbers that follow each other are neighbours.
+    """
+    square = np.zeros((1, 1), np.uint16)
+    for _ in range(levels):
+        n = square.size
+        square = np.block([[square.T, square[::-1, ::-1].T + 3 * n], [square + n, square + 2 * n]]).astype(np.uint16)
+    return np.hstack([square, square + square.size]).astype(np.uint16)
+
+
+CURVE = hilbert_curve(7)
 
 
 class MapDistribution:
@@ -26,18 +51,28 @@ class MapDistribution:
 
     Args:
         radiance: linear RGB, shape (height, 2 height, 3), float32, finite and not negative.
+        alone: whether nothing but light sampling finds the light, so that all of it must be sampled.
     """
 
-    def __init__(self, radiance: NDArray[np.float32]) -> None:
+    def __init__(self, radiance: NDArray[np.float32], alone: bool = False) -> None:
         self.height, self.width = radiance.shape[:2]
         texels = aligned_empty((self.height, self.width, 4))
         texels[..., :3] = radiance
         weights = radiance @ LUMINANCE_WEIGHTS.astype(np.float32)
-        weights *= pixel_solid_angles(self.height, self.width).astype(np.float32)[:, None]
-        rows = weights.sum(axis=1, dtype=np.float64)
-        self.total = float(rows.sum())
-        if self.total > 0.0:
-            weights /= np.float32(self.total / (self.width * self.height))
+        solid_angles = pixel_solid_angles(self.height, self.width)
+        total = float(weights.sum(axis=1, dtype=np.float64) @ solid_angles)
+        mean = np.float32(total / (4.0 * np.pi))
+        # Row by row: a large panorama is not held twice.
+        standing_out = sum(
+            float(np.maximum(row - mean, 0.0).sum()) * angle for row, angle in zip(weights, solid_angles, strict=True)
+        )
+        if standing_out > EVEN * total and not alone:
+            weights -= mean
+            np.maximum(weights, 0.0, out=weights)
+            total = standing_out
+        weights *= solid_angles.astype(np.float32)[:, None]
+        if total > 0.0:
+            weights /= np.float32(total / (self.width * self.height))
         # The fourth component is the density with respect to (u, v) at the pixel's centre.
         texels[..., 3] = weights
         self._texels = mi.Float(texels.reshape(-1))
@@ -92,7 +127,10 @@ class MapDistribution:
         return mi.UInt32(row * self.width + column)
 
     def sample(self, count: int, generator: np.random.Generator) -> tuple[NDArray[np.int64], mi.Vector3f]:
-        """Draw directions in proportion to radiance, stratified along the pixels' order.
+        """Draw directions by their density, stratified along the pixels' order, and put them in order.
+
+        They follow a curve that stays in one part of the map until it is done with it, so that those of one lamp come
+        one after the other: evenly spaced ones of the list are evenly spread over the lamps.
 
         Args:
             count: how many.
@@ -114,6 +152,9 @@ class MapDistribution:
                 index[begin:stop] = number * self._rows_at_once * self.width + found
             begin, block_begin = stop, block_end
         row, column = np.divmod(index, self.width)
+        cells = CURVE[row * CURVE.shape[0] // self.height, column * CURVE.shape[1] // self.width]
+        order = np.argsort(cells, kind="stable")
+        index, row, column = index[order], row[order], column[order]
         tent = generator.random((4, count), dtype=np.float32)
         u = (column + 0.5 + (tent[0] + tent[1] - 1.0)) / self.width
         v = (row + 0.5 + (tent[2] + tent[3] - 1.0)) / self.height

@@ -77,7 +77,7 @@ def _envpath(scene: Scene) -> Prepared:
     shapes = tuple(synthetic_shapes(scene))
     real = support_with_scale_factors(scene, modelled)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
-    place = Place(scene.panorama, surfaces)
+    place = Place(scene.panorama, surfaces, alone=True)
     integrator = EnvpathIntegrator(place, surfaces, scene.panorama, _bounds(shapes), scene.render.max_bounces)
     return Prepared(place, surfaces, integrator, shapes, IrradianceReport(len(real.vertices), math.nan, math.nan))
 

@@ -33,7 +33,7 @@ CLEARLY_BEFORE = 2.0
 
 @dataclass
 class LightSample:
-    """Places that emit light, drawn in proportion to the map's radiance.
+    """Places that emit light, drawn from the map.
 
     Attributes:
         place: world position in metres where ``finite``, else unit world direction toward the sky.
@@ -59,10 +59,13 @@ class Place:
         panorama: the photograph and its pose.
         surfaces: the real surfaces to trace.
         infinite: take every depth as infinite: the directional method.
+        alone: nothing but light samples finds its light, so that these must cover all of it.
     """
 
-    def __init__(self, panorama: Panorama, surfaces: TracedSurfaces, infinite: bool = False) -> None:
-        self.map = MapDistribution(panorama.radiance)
+    def __init__(
+        self, panorama: Panorama, surfaces: TracedSurfaces, infinite: bool = False, alone: bool = False
+    ) -> None:
+        self.map = MapDistribution(panorama.radiance, alone)
         self.surfaces = surfaces
         self.infinite = infinite
         self._to_world = opaque_matrix(panorama.rotation)
@@ -164,8 +167,8 @@ class Place:
     def draw_lights(self, generator: np.random.Generator, count: int = LIGHT_SAMPLES) -> None:
         """Draw the light samples that :meth:`light` hands out until the next call.
 
-        Each is a direction from the capture point in proportion to the map's luminance, followed to the first real
-        surface. All vertices of a pass share them, so that this search is paid once and not at every vertex.
+        Each is a direction from the capture point by the map's density, followed to the first real surface. All vertices
+        of a pass share them, so that this search is paid once and not at every vertex.
         """
         _, w0 = self.map.sample(count, generator)
         direction = self._to_world @ w0
