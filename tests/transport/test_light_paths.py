@@ -52,7 +52,7 @@ def pictures(scene, camera, method, seeds, samples):
     return np.stack([rendering.complete(samples, auxiliary=False).change for rendering in renderings])
 
 
-LIGHTS = {"even": 1.0, "from one side": lit_from_one_side()}
+LIGHTS = {"even": 1.0, "from one side": lit_from_one_side(), "past the other": lit_from_one_side()}
 
 
 @pytest.mark.parametrize(
@@ -63,12 +63,16 @@ LIGHTS = {"even": 1.0, "from one side": lit_from_one_side()}
         ("rough metal", "from one side", "dome", "difference"),
         ("rough metal", "from one side", "pano", "difference"),
         ("rough metal", "from one side", "view", "directional"),
+        ("rough metal", "past the other", "view", "directional"),
     ],
 )
 def test_the_light_is_the_same_however_it_is_shared(material, light, camera, method, monkeypatch):
     # Paths from the light to matte objects too: what is likely for one material is not for another.
     monkeypatch.setattr(methods, "is_polished", lambda shape: True)
-    scene = room(LIGHTS[light], [ball(MATERIALS[material])], max_bounces=4)
+    objects = [ball(MATERIALS[material])]
+    if light == "past the other":
+        objects.append(ball(WHITE, (-0.2, 0.8, 0.9), 0.3))
+    scene = room(LIGHTS[light], objects, max_bounces=4)
     sums = {}
     for name, weight in WEIGHTS.items():
         monkeypatch.setattr(LightPaths, "weight", staticmethod(weight))

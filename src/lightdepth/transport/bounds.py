@@ -51,6 +51,13 @@ class ObjectBounds:
         """
         return Beams(place, finite, self._centres, self._radii)
 
+    def extent(self, direction: mi.Vector3f) -> mi.Float:
+        """How far the spheres reach along unit directions from the origin of the world, metres."""
+        result = mi.Float(-dr.inf)
+        for centre, radius in zip(self._centres, self._radii, strict=True):
+            result = dr.maximum(result, dr.dot(mi.Vector3f(centre), direction) + radius)
+        return result
+
     def detail(self, point: mi.Point3f) -> mi.Float:
         """Metres over which the objects' influence varies at points (world, metres).
 

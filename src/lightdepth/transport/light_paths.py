@@ -196,10 +196,13 @@ class LightPaths:
         light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)
         density = light_density * beams.pdf(origin, direction)
         active = (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit
-        # Light of the sky must first come so far.
-        outward = mi.Ray3f(origin, -direction)
-        before = self.surfaces.synthetic if self.place.infinite else self.surfaces.all
-        active &= ~before.ray_test(outward, coherent=False, active=active & ~light.finite)
+        # Beams of the sky begin beyond all objects: whatever stands before the one aimed at is met first. So far they
+        # must come.
+        lift = self.bounds.extent(light.place) - dr.dot(mi.Vector3f(origin), light.place)
+        origin += dr.select(light.finite, 0.0, light.place * lift)
+        if not self.place.infinite:
+            outward = mi.Ray3f(origin, -direction)
+            active &= ~self.surfaces.real.ray_test(outward, coherent=False, active=active & ~light.finite)
         ray = mi.Ray3f(origin, direction)
         ray = dr.select(light.finite, leave(origin, light.normal, direction), ray)
         return LightPath(
