@@ -129,8 +129,9 @@ class Accumulator:
             variance = sums.variance[part] / number[:, None] - np.square(mean) + spread
             variance = np.maximum(variance, 0.0) / np.maximum(number - 1.0, 1.0)[:, None]
             if with_light and self._light is not None:
-                light, light_variance = self._light.means(part)
-                change, variance = change + light, variance + light_variance
+                light_change, light_synthetic, light_variance = self._light.means(part)
+                change, synthetic = change + light_change, synthetic + light_synthetic
+                variance = variance + light_variance
             yield part, Estimates(change, synthetic, coverage, variance)
 
 

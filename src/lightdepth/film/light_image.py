@@ -46,11 +46,12 @@ class LightImage:
             self._slots = np.full(self._width * self._height, NOWHERE)
             self._slots[pixels] = np.arange(len(pixels), dtype=np.uint32)
         self.count = 0
-        self._sums, self._squares = (np.zeros((len(pixels), 3), np.float32) for _ in range(2))
+        self._change, self._synthetic = (np.zeros((len(pixels), 3), np.float32) for _ in range(2))
+        self._squares = np.zeros(len(pixels), np.float32)
 
     def paths_a_sample(self) -> mi.Float:
         """How many light paths there are for each path from the camera through one pixel."""
-        return dr.opaque(mi.Float, SHARE * len(self._sums))
+        return dr.opaque(mi.Float, SHARE * len(self._squares))
 
     def follow(self, paths: int) -> None:
         """Follow as many light paths as the next ``paths`` from the camera call for."""
@@ -80,16 +81,22 @@ class LightImage:
         slot = row * self._width + column
         if self._slots is not None:
             slot = self._slots[slot]
-        values = arrivals.radiance.numpy().T[valid]
+        values, on_object = arrivals.radiance.numpy().T[valid], arrivals.on_object.numpy()[valid]
         useful = (slot != NOWHERE) & np.isfinite(values).all(axis=1)
-        slot, values = slot[useful], values[useful]
         # One after the other in the order of the paths, so that the same paths always give the same image.
-        for channel in range(3):
-            np.add.at(self._sums[:, channel], slot, values[:, channel])
-            np.add.at(self._squares[:, channel], slot, np.square(values[:, channel]))
+        for sums, chosen in ((self._change, useful & ~on_object), (self._synthetic, useful & on_object)):
+            for channel in range(3):
+                np.add.at(sums[:, channel], slot[chosen], values[chosen, channel])
+        np.add.at(self._squares, slot[useful], np.square(values[useful]).mean(axis=1))
 
-    def means(self, part: slice) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Radiance of some pixels of the list and the variance of that, shapes (k, 3)."""
+    def means(self, part: slice) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+        """Change and synthetic radiance of some pixels of the list and the variance of their sum, shapes (k, 3).
+
+        Of the squares only the mean over the channels is kept, to save memory; each channel's share is that of its mean.
+        """
         number = np.float32(max(self.count, 1))
-        mean = self._sums[part] / number
-        return mean, np.maximum(self._squares[part] / number - np.square(mean), 0.0) / number
+        change, synthetic = self._change[part] / number, self._synthetic[part] / number
+        squared = np.square(change + synthetic)
+        mean = np.maximum(squared.mean(axis=1, keepdims=True), np.float32(1e-30))
+        variance = np.maximum(self._squares[part, None] / number - mean, 0.0) / number
+        return change, synthetic, variance * (squared / mean)

@@ -223,12 +223,13 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         throughput *= dr.select(vertex.on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
         pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
         pdf = dr.select(vertex.on_support, support_pdf, pdf)
-        # Light paths come by way of objects alone to the support that the camera sees.
+        # Light paths come by way of objects alone to what the camera sees.
         odds = dr.select(vertex.on_synthetic & ~first, path.odds, 0.0)
         if self.light_paths is not None:
-            cosines = -dr.dot(hit.normal, ray.d), dr.dot(hit.normal, direction)
-            begun = self.light_paths.odds_at_support(path.odds, hit.distance, *cosines, pdf)
-            odds = dr.select(in_difference & first, begun, odds)
+            distance = dr.select(on_synthetic, si.t, hit.distance)
+            cosines = dr.dot(normal, ray.d), dr.dot(normal, direction)
+            begun = self.light_paths.odds_at_first(path.odds, distance, *cosines, pdf)
+            odds = dr.select(first & (in_difference | (vertex.on_synthetic & (pdf > 0.0))), begun, odds)
 
         # Passing through a mask's hole is no scattering: what was known of the last one stays.
         through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
@@ -277,9 +278,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         if self.light_paths is not None:
             finite = mi.Bool(False) if self.place.infinite else hit.valid
             light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
-            weight = self.light_paths.camera_weight(
-                path.odds, light, finite, pdf, distance, last.point, ray.d, last.pdf
-            )
+            # What came straight from the object that the camera sees has met no other.
+            odds = dr.select(path.depth > 1, path.odds, 0.0)
+            weight = self.light_paths.camera_weight(odds, light, finite, pdf, distance, last.point, ray.d, last.pdf)
             value *= dr.select(blocked, 1.0, weight)
         return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
 

@@ -1,4 +1,4 @@
-"""Paths that begin at the light: by way of the objects to support, and from there into the camera's image.
+"""Paths that begin at the light: by way of objects to support or another object, and from there into the image.
 
 Theory, section 3, "From the light". What polished objects throw onto a floor comes from a small part of their surface,
 which a path from the floor seldom meets; a path from the lamp always does. Both are taken, each as far as it is the
@@ -14,7 +14,7 @@ import drjit as dr
 import mitsuba as mi
 
 from lightdepth.kernel.real_surfaces import FaceKind
-from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit, shadow_ray
+from lightdepth.kernel.tracing import TracedSurfaces, leave, shadow_ray
 from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.place import Place
 from lightdepth.transport.randoms import Randoms
@@ -24,6 +24,8 @@ from lightdepth.transport.support import SpecularLobes, SupportScattering
 ROULETTE_DEPTH = 4
 """Scatterings on objects before paths are ended by the share of light that objects leave them."""
 LARGEST_SURVIVAL = 0.95
+ENDING_SHARE = 0.5
+"""Of the paths that come from one object to another that scatters them into the camera."""
 
 
 @dataclass
@@ -54,11 +56,13 @@ class Arrivals:
     Attributes:
         film: where, in [0, 1].
         radiance: of the pixel there, times the number of light paths.
+        on_object: which bring it to an object, and not to support.
         valid: which bring anything.
     """
 
     film: mi.Point2f
     radiance: mi.Color3f
+    on_object: mi.Bool
     valid: mi.Bool
 
 
@@ -75,8 +79,7 @@ class LightPath:
         light_density: of their light, over the cosine at its surface, per square metre; of sky, per steradian.
         finite: false where they come from the sky.
         scatterings: so far, all on objects.
-        arrived: which have met a real surface after at least one.
-        hit: where.
+        arrived: which have ended after at least one, where their ray leads.
     """
 
     randoms: Randoms
@@ -88,11 +91,10 @@ class LightPath:
     finite: mi.Bool
     scatterings: mi.UInt32
     arrived: mi.Bool
-    hit: RealHit
 
 
 class LightPaths:
-    """Light by way of the objects to the support that the camera sees.
+    """Light by way of objects to the support, or the object, that the camera sees.
 
     Args:
         place: the photographed place.
@@ -100,7 +102,7 @@ class LightPaths:
         bounds: of the objects.
         lit: of those that the paths are aimed at.
         lobes: the specular lobes of the support.
-        max_bounces: scatterings, the support's included, that a path may have.
+        max_bounces: scatterings, the last one included, that a path may have.
         light_samples: for how many samples of the map's light paths from the camera take theirs at an object.
     """
 
@@ -120,20 +122,20 @@ class LightPaths:
     # -- Which technique is taken how far ------------------------------------------------------------------------
 
     @staticmethod
-    def odds_at_support(
+    def odds_at_first(
         pixel: mi.Float, distance: mi.Float, cosine: mi.Float, onward_cosine: mi.Float, pdf: mi.Float
     ) -> mi.Float:
-        """The factor of the odds that the camera and the support decide.
+        """The factor of the odds that the camera and the surface that it sees decide.
 
         Args:
             pixel: solid angle of the pixel, steradians, times the light paths for each path from the camera.
-            distance: from the camera to the support, metres.
-            cosine: there, between the normal and the direction to the camera, positive.
-            onward_cosine: likewise to an object; not positive behind the surface.
+            distance: from the camera, metres.
+            cosine: there, between the normal and the direction to the camera; its sign does not matter.
+            onward_cosine: likewise to the next object.
             pdf: density with which paths from the camera draw that direction, per steradian.
         """
-        area = pixel * dr.square(distance) / dr.maximum(cosine, 1e-4)
-        return area * dr.maximum(onward_cosine, 0.0) / dr.maximum(pdf, 1e-20)
+        area = pixel * dr.square(distance) / dr.maximum(dr.abs(cosine), 1e-4)
+        return area * dr.abs(onward_cosine) / dr.maximum(pdf, 1e-20)
 
     def camera_weight(
         self,
@@ -215,28 +217,28 @@ class LightPaths:
             finite=mi.Bool(light.finite),
             scatterings=mi.UInt32(0),
             arrived=mi.Bool(False),
-            hit=dr.zeros(RealHit, count),
         )
 
     @dr.syntax
     def _scattered_on_objects(self, path: LightPath) -> LightPath:
-        """Follow paths from object to object until they meet a real surface."""
+        """Follow paths from object to object until they end."""
         while path.active:
             path = self._advance(path)
         return path
 
     def _advance(self, path: LightPath) -> LightPath:
-        """Follow paths to what they meet next, and scatter them if it is an object."""
+        """Follow paths to what they meet next; if it is an object, scatter them, or end them there."""
         randoms, ray, active = path.randoms, path.ray, mi.Bool(path.active)
         context = mi.BSDFContext(mi.TransportMode.Importance)
         first = path.scatterings == 0
         found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
         on_real = active & self.surfaces.is_real(found)
-        hit = self.surfaces.real_hit(ray, found, on_real)
-        arrived = on_real & ~first
         on_synthetic = active & found.is_valid() & ~on_real
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
         bsdf = si.bsdf(ray)
+        may_end = on_synthetic & ~first & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        ends = may_end & (randoms.next(active) < ENDING_SHARE)
+        arrived = (on_real & ~first) | ends
         drawn, weight = bsdf.sample(
             context, si, randoms.next(active), mi.Point2f(randoms.next(active), randoms.next(active)), on_synthetic
         )
@@ -244,7 +246,7 @@ class LightPaths:
         # Shading normals make scattering asymmetric: what they would do to the path from the camera.
         asymmetry = dr.abs(mi.Frame3f.cos_theta(si.wi) * dr.dot(si.n, direction))
         asymmetry /= dr.maximum(dr.abs(mi.Frame3f.cos_theta(drawn.wo) * dr.dot(si.n, ray.d)), 1e-6)
-        flux = path.flux * weight * asymmetry
+        scattered_flux = path.flux * weight * asymmetry
 
         turned = mi.SurfaceInteraction3f(si)
         turned.wi = drawn.wo
@@ -255,52 +257,67 @@ class LightPaths:
 
         survival = dr.clip(dr.max(weight), 0.0, LARGEST_SURVIVAL)
         survival = dr.select(path.scatterings >= ROULETTE_DEPTH, survival, 1.0)
-        scattered = on_synthetic & (dr.max(flux) > 0.0) & (path.scatterings + 2 <= self.max_bounces)
+        scattered = on_synthetic & ~ends & (dr.max(scattered_flux) > 0.0) & (path.scatterings + 2 <= self.max_bounces)
         scattered &= randoms.next(active) < survival
-        flux *= dr.rcp(dr.maximum(survival, 1e-6))
+        scattered_flux *= dr.rcp(dr.maximum(survival, 1e-6) * dr.select(may_end, 1.0 - ENDING_SHARE, 1.0))
+        flux = dr.select(scattered, scattered_flux, path.flux)
+        flux *= dr.select(ends, 1.0 / ENDING_SHARE, 1.0)
         onward = leave(si.p, si.n, direction)
         still = mi.Bool(scattered)
         if self.place.infinite:
             # Nothing real stands before a light that is infinitely far.
             passed = on_real & first
+            hit = self.surfaces.real_hit(ray, found, passed)
             onward = dr.select(passed, leave(hit.point, hit.normal, ray.d), onward)
             still |= passed
         return LightPath(
             randoms,
             dr.select(still, onward, ray),
             still,
-            dr.select(scattered, flux, path.flux),
+            flux,
             dr.select(scattered, odds, path.odds),
             path.light_density,
             path.finite,
             path.scatterings + dr.select(scattered, mi.UInt32(1), mi.UInt32(0)),
             path.arrived | arrived,
-            select_hit(arrived, hit, path.hit),
         )
 
     def _seen(self, path: LightPath, connect: Connect, per_path: mi.Float) -> Arrivals:
-        """What the camera sees of the light that paths bring to support."""
-        hit, incoming = path.hit, -path.ray.d
-        incoming_cosine = dr.dot(hit.normal, incoming)
-        active = path.arrived & (hit.kind == int(FaceKind.SUPPORT)) & (incoming_cosine > 0.0)
-        camera = connect(hit.point, path.randoms)
-        offset = camera.origin - hit.point
+        """What the camera sees of the light that paths bring to where they end."""
+        ray, incoming = path.ray, -path.ray.d
+        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=path.arrived)
+        on_real = path.arrived & self.surfaces.is_real(found)
+        on_object = path.arrived & found.is_valid() & ~on_real
+        hit = self.surfaces.real_hit(ray, found, on_real)
+        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_object)
+        point, normal = dr.select(on_object, si.p, hit.point), dr.select(on_object, si.n, hit.normal)
+
+        camera = connect(point, path.randoms)
+        offset = camera.origin - point
         distance = dr.norm(offset)
         outgoing = offset * dr.rcp(dr.maximum(distance, 1e-20))
-        cosine = dr.dot(hit.normal, outgoing)
-        active &= camera.seen & (cosine > 0.0)
+        cosine, incoming_cosine = dr.dot(normal, outgoing), dr.dot(normal, incoming)
+        on_object &= camera.seen
+        on_support = on_real & camera.seen & (hit.kind == int(FaceKind.SUPPORT))
+        on_support &= (incoming_cosine > 0.0) & (cosine > 0.0)
 
-        rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, active)
-        cones = self.bounds.cones(hit.point)
+        rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, on_support)
+        cones = self.bounds.cones(point)
         support = SupportScattering(
             rho, hit.normal, outgoing, self.lobes, hit.gloss, cones, mi.Float(1.0), specular_scale
         )
         value, pdf = support.evaluate(incoming)
-        odds = path.odds * self.odds_at_support(camera.solid_angle * per_path, distance, cosine, incoming_cosine, pdf)
-        radiance = path.flux * value * cosine * (1.0 - self.weight(odds))
-        radiance /= dr.maximum(incoming_cosine, 1e-6)
-        radiance /= dr.maximum(camera.solid_angle * dr.square(distance), 1e-20)
-        active &= dr.max(radiance) > 0.0
-        ray = shadow_ray(hit.point, hit.normal, outgoing, distance)
-        active &= ~self.surfaces.all.ray_test(ray, coherent=False, active=active)
-        return Arrivals(camera.film, radiance & active, active)
+        from_camera = mi.SurfaceInteraction3f(si)
+        from_camera.wi = si.to_local(outgoing)
+        bsdf_value, bsdf_pdf = si.bsdf(ray).eval_pdf(mi.BSDFContext(), from_camera, si.wi, on_object)
+        value, pdf = dr.select(on_object, bsdf_value, value), dr.select(on_object, bsdf_pdf, pdf)
+
+        angle = camera.solid_angle
+        odds = path.odds * self.odds_at_first(angle * per_path, distance, cosine, incoming_cosine, pdf)
+        radiance = path.flux * value * (1.0 - self.weight(odds))
+        radiance *= dr.abs(cosine) / dr.maximum(dr.abs(incoming_cosine), 1e-6)
+        radiance /= dr.maximum(angle * dr.square(distance), 1e-20)
+        active = (on_support | on_object) & (dr.max(radiance) > 0.0)
+        sight = shadow_ray(point, normal, outgoing, distance)
+        active &= ~self.surfaces.all.ray_test(sight, coherent=False, active=active)
+        return Arrivals(camera.film, radiance & active, on_object, active)
