@@ -55,6 +55,16 @@ def test_samples_go_where_the_error_is(scene):
     assert frame.samples[noisy].mean() > 2 * frame.samples[quiet].mean()
 
 
+def test_a_pixels_own_luck_does_not_decide_how_many_samples_it_gets(scene):
+    rendering = begin_rendering(scene, "view")
+    lucky = len(rendering.pixels) // 2
+    error = np.zeros(len(rendering.pixels), np.float32)
+    error[lucky] = 1.0
+    around = rendering._around(error)
+    assert around[lucky] == 0.0
+    assert np.count_nonzero(around) >= 8
+
+
 def test_noise_stops_near_its_target_and_counts_samples_truly(scene):
     target = 0.03
     rendering = begin_rendering(scene, "view", seed=5)

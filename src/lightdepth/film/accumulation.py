@@ -89,18 +89,20 @@ class Accumulator:
             del self._change, self._synthetic, self._squares, self._covered
         return result
 
-    def relative_errors(self, floor: float, with_light: bool = True) -> NDArray[np.float32]:
-        """Estimated standard error of each pixel relative to its brightness plus ``floor``, shape (n,), float32.
+    def relative_errors(self, floor: float, exponent: float = 1.0, with_light: bool = True) -> NDArray[np.float32]:
+        """Estimated standard error of each pixel relative to a power of its brightness, shape (n,), float32.
 
         Args:
-            floor: radiance.
+            floor: radiance that is added to the brightness.
+            exponent: the power.
             with_light: with the part of the light paths, which more samples of the pixel would not lessen.
         """
         errors = np.empty(len(self._pixels), np.float32)
         for part, means in self._means(self._sums(), with_light):
             plate = self._plate[self._pixels[part]]
             beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
-            errors[part] = np.sqrt(means.variance.mean(axis=1)) / (np.maximum(beauty.mean(axis=1), 0.0) + floor)
+            brightness = np.maximum(beauty.mean(axis=1), 0.0) + np.float32(floor)
+            errors[part] = np.sqrt(means.variance.mean(axis=1)) / brightness**exponent
         return errors
 
     def _sums(self) -> Estimates:

@@ -41,6 +41,11 @@ QUANTUM = 4
 """Further samples come in multiples of this."""
 MOST_SHARE = 16
 """No pixel gets more than this many times the average number of samples."""
+NEIGHBOURS = 5
+"""Pixels across the square whose mean error decides how many samples the pixel in its middle gets,"""
+CONTRAST = 0.5
+"""and the power of a pixel's brightness that its error is relative to, as in Dammertz et al. 2010; with the brightness
+itself highlights would get too few."""
 DARK = 0.1
 """Errors count relative to a pixel's brightness plus this share of the median: nobody sees noise in the dark."""
 SECONDS_BETWEEN_ERRORS = 0.5
@@ -215,7 +220,8 @@ class Rendering:
         """How many more samples each pixel gets, multiples of ``QUANTUM``; all 0 when the work is done.
 
         Without a wanted ``noise``, what remains after the pilot is spent at once in proportion to the error that each
-        pixel then had. With it, as many as the error calls for, in rounds that at most quadruple a pixel's samples.
+        pixel's neighbours then had. With it, as many as the error calls for, in rounds that at most quadruple a pixel's
+        samples.
 
         Returns:
             These numbers, and how many samples the whole image will have taken, as far as is known.
@@ -226,14 +232,14 @@ class Rendering:
             left = samples * taken.size - spent
             if left < QUANTUM * taken.size / 64 or taken.max(initial=0) > _pilot(samples):
                 return np.zeros(taken.size, np.int32), spent
-            more = self._smoothed(self._accumulator.relative_errors(self._dark, with_light=False))
+            more = self._around(self._accumulator.relative_errors(self._dark, CONTRAST, with_light=False))
             more *= left / max(float(more.sum(dtype=np.float64)), 1e-30)
             np.minimum(more, MOST_SHARE * samples, out=more)
             whole = spent + left
         else:
             # The error falls with the square root of the number of samples. A pixel is not done that stands out.
             errors = self._accumulator.relative_errors(self._dark)
-            more = np.square(np.maximum(errors, self._smoothed(errors)) / np.float32(noise))
+            more = np.square(np.maximum(errors, self._around(errors)) / np.float32(noise))
             more *= taken
             np.minimum(more, samples, out=more)
             more -= taken
@@ -242,12 +248,19 @@ class Rendering:
             np.minimum(more, 3.0 * taken, out=more)
         return QUANTUM * np.floor(more / QUANTUM + 0.5).astype(np.int32), max(whole, spent + 1)
 
-    def _smoothed(self, error: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Errors averaged over neighbours: a single pixel's estimate from few samples misleads."""
+    def _around(self, error: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Mean of the neighbours' errors.
+
+        A single pixel's estimate from few samples misleads; and did it decide how many more the same pixel gets, what its
+        first samples found by luck would count for more or less than its share.
+        """
         import cv2
 
-        smoothed = np.asarray(cv2.blur(self._scattered(error), (9, 9)), np.float32).reshape(-1)
-        return smoothed if smoothed.size == error.size else smoothed[self.pixels]
+        kernel = np.ones((NEIGHBOURS, NEIGHBOURS), np.float32)
+        kernel[NEIGHBOURS // 2, NEIGHBOURS // 2] = 0.0
+        kernel /= kernel.sum()
+        around = np.asarray(cv2.filter2D(self._scattered(error), -1, kernel), np.float32).reshape(-1)
+        return around if around.size == error.size else around[self.pixels]
 
     def _scattered(self, values: NDArray) -> NDArray:
         """Values of the sampled pixels in their places of the image, 0 elsewhere; themselves, where that is all."""
