@@ -22,10 +22,9 @@ EDGE = 0.5
 """Edge of a cell, at most, relative to the distance to the nearest object."""
 SMALLEST_EDGE, LARGEST_EDGE = 0.001, 4.0
 """Metres."""
-FEWEST_RECORDS = 4
-"""Records before a cell is used."""
 FEWEST_ENTRIES = 2
-"""Of the list of cells, known or not: looking up a list of one makes a kernel of its own, a second to compile."""
+"""Of the list of cells, if need be with an empty one: looking up a list of one makes a kernel of its own, a second to
+compile."""
 SEARCH_STEPS = 22
 """Halvings of the list of cells: it may hold as many as two to this power, less one."""
 COORDINATE_BITS, FACING_BITS = 18, 3
@@ -133,14 +132,13 @@ class ChangeCache:
         self._upload()
 
     def _upload(self) -> None:
-        known = self._records >= FEWEST_RECORDS
-        count = int(known.sum())
+        count = len(self._cells)
         size = max(count, FEWEST_ENTRIES)
         means = aligned_empty((size, 4))
         means[:] = 0.0
-        means[:count, :3] = self._sums[known] / self._records[known, None]
+        means[:count, :3] = self._sums / self._records[:, None]
         cells = np.zeros(size, np.uint64)
-        cells[:count] = self._cells[known]
+        cells[:count] = self._cells
         self._means = mi.Float(means.reshape(-1))
         self._known = mi.UInt64(aligned(cells, np.uint64))
         self._count = dr.opaque(mi.UInt32, count)
