@@ -1,5 +1,7 @@
 """The method against full path tracing of the same room (theory, section 5): exact geometry, Lambertian surfaces."""
 
+from dataclasses import replace
+
 import pytest
 from bench.places import PLACES, lamp_and_window
 
@@ -7,6 +9,9 @@ from tests.truth.agreement import Agreement, Size, compare, leave_behind
 
 SMALL = Size(photograph=128, photograph_samples=512, width=64, truth_samples=400, samples=64)
 LARGE = Size(photograph=512, photograph_samples=1024, width=160, truth_samples=2048, samples=256)
+ROUGH_TRUTHS = {("court", "mixed"): 16384}
+"""Samples where 2048 are too few for the truth to know its own noise: sun that metal throws onto the ground, which path
+tracing finds so seldom that most of its pixels miss it and take themselves to be exact."""
 LARGEST_SIGNED = 0.005
 SMALLEST_SHARE = 0.995
 
@@ -42,5 +47,6 @@ def test_directional_fails_the_same_test(camera: str) -> None:
 @pytest.mark.parametrize("objects", ["matte", "mixed", "lamp"])
 @pytest.mark.parametrize("name", sorted(PLACES))
 def test_difference_agrees_in_every_place(name: str, objects: str, camera: str) -> None:
-    agreement = compare(PLACES[name](objects), camera, "difference", LARGE)
+    size = replace(LARGE, truth_samples=ROUGH_TRUTHS.get((name, objects), LARGE.truth_samples))
+    agreement = compare(PLACES[name](objects), camera, "difference", size)
     require_agreement(agreement, f"difference_{name}_{objects}_{camera}")
