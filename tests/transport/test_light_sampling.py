@@ -21,14 +21,13 @@ from tests.transport.places import CAPTURE, HIGH, LOW, lamp_image, room  # noqa:
 BINS = (16, 32)
 
 
-def make_place(scene, infinite=False):
-    return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), infinite)
+def make_place(scene, **settings):
+    return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), **settings)
 
 
 @pytest.fixture(scope="module", params=[False, True], ids=["what stands out", "all light"])
 def place(request):
-    scene = room(lamp_image(128))
-    return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), alone=request.param)
+    return make_place(room(lamp_image(128)), alone=request.param)
 
 
 def bin_of(direction):

@@ -145,16 +145,16 @@ class Beams:
             self._total_area += area
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f]:
-        """Draw rays: origins (for sky, beside the sphere that the ray is aimed at), and unit directions.
+        """Draw rays: origins (for sky, in the sphere that the ray is aimed at, across its middle), and unit directions.
 
         ``choice`` and ``position`` are uniform in [0, 1).
         """
         toward = self._cones.sample(choice, position)
         centre, radius = _picked(choice, self._total_area, self._areas, self._centres, self._radii)
         disk = mi.warp.square_to_uniform_disk_concentric(position)
-        beside = centre + radius * (mi.Frame3f(self._place).to_world(mi.Vector3f(disk.x, disk.y, 0.0)) + self._place)
+        across = centre + radius * mi.Frame3f(self._place).to_world(mi.Vector3f(disk.x, disk.y, 0.0))
         return (
-            dr.select(self._finite, mi.Point3f(self._place), beside),
+            dr.select(self._finite, mi.Point3f(self._place), across),
             dr.select(self._finite, toward, -self._place),
         )
 

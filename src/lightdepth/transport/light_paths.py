@@ -79,7 +79,8 @@ class LightPath:
         light_density: of their light, over the cosine at its surface, per square metre; of sky, per steradian.
         finite: false where they come from the sky.
         scatterings: so far, all on objects.
-        arrived: which have ended after at least one, where their ray leads.
+        arrived: which have ended after at least one.
+        found: where their ray has led these.
     """
 
     randoms: Randoms
@@ -91,6 +92,7 @@ class LightPath:
     finite: mi.Bool
     scatterings: mi.UInt32
     arrived: mi.Bool
+    found: mi.PreliminaryIntersection3f
 
 
 class LightPaths:
@@ -217,6 +219,7 @@ class LightPaths:
             finite=mi.Bool(light.finite),
             scatterings=mi.UInt32(0),
             arrived=mi.Bool(False),
+            found=dr.zeros(mi.PreliminaryIntersection3f, count),
         )
 
     @dr.syntax
@@ -280,12 +283,12 @@ class LightPaths:
             path.finite,
             path.scatterings + dr.select(scattered, mi.UInt32(1), mi.UInt32(0)),
             path.arrived | arrived,
+            dr.select(arrived, found, path.found),
         )
 
     def _seen(self, path: LightPath, connect: Connect, per_path: mi.Float) -> Arrivals:
         """What the camera sees of the light that paths bring to where they end."""
-        ray, incoming = path.ray, -path.ray.d
-        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=path.arrived)
+        ray, incoming, found = path.ray, -path.ray.d, path.found
         on_real = path.arrived & self.surfaces.is_real(found)
         on_object = path.arrived & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
