@@ -77,8 +77,8 @@ def _surface(prepared: Prepared, ray: mi.Ray3f, inside: mi.Bool) -> tuple[mi.Vec
     on_synthetic = inside & found.is_valid() & ~on_real
     hit = surfaces.real_hit(ray, found, on_real)
     si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
-    bsdf = si.bsdf(ray)
-    diffuse = bsdf.eval_diffuse_reflectance(si, on_synthetic)
+    material = surfaces.materials.number(si, on_synthetic)
+    diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, si.sh_frame.n, hit.normal & on_real)
     seen = dr.minimum(place.photograph(hit, ray.d), 1.0) & inside

@@ -110,7 +110,7 @@ class Rendering:
         self._lights_served = 0
         self._cache = prepared.integrator.new_cache()
         self._learning_due = 0.0
-        self._error, self._error_time = 0.0, -math.inf
+        self._error, self._error_known, self._error_time = 0.0, False, -math.inf
         dr.flush_malloc_cache()  # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
 
     def run(self, samples: int, noise: float | None = None) -> Iterator[Progress]:
@@ -203,15 +203,16 @@ class Rendering:
 
     def error(self) -> float:
         """Estimated relative error of the sampled pixels, root mean square."""
-        if not len(self.pixels):
-            return 0.0
-        return float(np.sqrt(np.mean(np.square(self._accumulator.relative_errors(self._dark)))))
+        if len(self.pixels) and not self._error_known:
+            self._error = float(np.sqrt(np.mean(np.square(self._accumulator.relative_errors(self._dark)))))
+            self._error_known = True
+        return self._error
 
     def _watched_error(self) -> float:
         """The same for those who watch, estimated anew so rarely that it costs little time."""
         started = time.monotonic()
         if started >= self._error_time:
-            self._error = self.error()
+            self.error()
             ended = time.monotonic()
             self._error_time = ended + max(SECONDS_BETWEEN_ERRORS, (ended - started) / ERROR_SHARE)
         return self._error
@@ -284,6 +285,7 @@ class Rendering:
             self._light.follow(paths)
         sums = self._follow(self.pixels[slots], self._accumulator.taken[slots], counts)
         self._accumulator.add(slots, sums, counts)
+        self._error_known = False
         dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
 
     def _learn(self, paths: int) -> None:

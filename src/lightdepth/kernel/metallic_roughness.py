@@ -57,12 +57,16 @@ class _Lobe:
 @cache
 def _albedo_table() -> mi.Texture2f:
     """A and B over the square root of the viewer's cosine (x) and the roughness (y), by quasi Monte Carlo."""
-    ticks = np.linspace(0.0, 1.0, _TABLE_SIZE, dtype=np.float32)
-    roughness, root = (np.repeat(grid.ravel(), _TABLE_SAMPLES) for grid in np.meshgrid(ticks, ticks, indexing="ij"))
-    index = np.tile(np.arange(_TABLE_SAMPLES), _TABLE_SIZE**2)
-    points = mi.Point2f((index + 0.5) / _TABLE_SAMPLES, (index + 0.5) * 0.6180339887498949 % 1.0)
-    cosine = dr.maximum(mi.Float(root) ** 2, 1e-4)
-    lobe = _Lobe(mi.Vector3f(dr.sqrt(1.0 - cosine * cosine), 0.0, cosine), mi.Float(roughness))
+    ticks, number = np.linspace(0.0, 1.0, _TABLE_SIZE), np.arange(_TABLE_SAMPLES)
+    roughness, root = (mi.Float(aligned(grid)) for grid in np.meshgrid(ticks, ticks, indexing="ij"))
+    x = mi.Float(aligned((number + 0.5) / _TABLE_SAMPLES))
+    y = mi.Float(aligned((number + 0.5) * 0.6180339887498949 % 1.0))
+    lane = dr.arange(mi.UInt32, _TABLE_SIZE**2 * _TABLE_SAMPLES)
+    entry, sample = lane // _TABLE_SAMPLES, lane % _TABLE_SAMPLES
+    roughness, root = dr.gather(mi.Float, roughness, entry), dr.gather(mi.Float, root, entry)
+    points = mi.Point2f(dr.gather(mi.Float, x, sample), dr.gather(mi.Float, y, sample))
+    cosine = dr.maximum(root**2, 1e-4)
+    lobe = _Lobe(mi.Vector3f(dr.sqrt(1.0 - cosine * cosine), 0.0, cosine), roughness)
     wo = lobe.sample(points)
     value, schlick, density = lobe.eval(wo)
     weight = dr.select((wo.z > 0.0) & (density > 0.0), value / density, 0.0)

@@ -12,6 +12,7 @@ import numpy as np
 
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.loading import load
+from lightdepth.kernel.materials import Materials
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.kernel.shapes import mesh_shape
 
@@ -52,6 +53,9 @@ class TracedSurfaces:
     Args:
         surfaces: the real surfaces.
         shapes: the synthetic shapes.
+
+    Attributes:
+        materials: of the synthetic shapes.
     """
 
     def __init__(self, surfaces: RealSurfaces, shapes: Sequence[mi.Shape] = ()) -> None:
@@ -66,6 +70,7 @@ class TracedSurfaces:
         self.real = _scene(real, robust=True)
         self.synthetic = _scene(new)
         self.all = _scene({**real, **new})
+        self.materials = Materials(shapes)
         self._real_shape = mi.UInt32(0)
         if self.has_real:
             self._real_shape = dr.opaque(mi.UInt32, _shape_number(real["real"]))

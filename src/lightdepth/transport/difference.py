@@ -62,7 +62,7 @@ class Vertex:
         point: world, metres.
         normal: geometric, unit, world, on either side.
         si: Mitsuba's description of synthetic surfaces.
-        bsdf: material of synthetic surfaces.
+        material: its number, of synthetic surfaces.
         support: scattering of support surfaces.
         on_synthetic: which points are synthetic.
         on_support: which are on support, relit or not.
@@ -72,7 +72,7 @@ class Vertex:
     point: mi.Point3f
     normal: mi.Vector3f
     si: mi.SurfaceInteraction3f
-    bsdf: mi.BSDFPtr
+    material: mi.UInt32
     support: SupportScattering
     on_synthetic: mi.Bool
     on_support: mi.Bool
@@ -120,13 +120,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         super().__init__(place, surfaces, bounds, max_bounces)
         self.lobes = SpecularLobes(glosses)
         self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
-        shapes = surfaces.synthetic.shapes()
-        self.has_masks = any(mi.has_flag(shape.bsdf().flags(), mi.BSDFFlags.Null) for shape in shapes)
         self.has_relit = FaceKind.RELIT in surfaces.kinds
         self.has_support = FaceKind.SUPPORT in surfaces.kinds
         # Light samples are shared between the map and synthetic emitters.
         self.map_share = 0.5 if self.has_emitters else 1.0
-        if bounds and lit and self.has_support and not self.has_masks:
+        if bounds and lit and self.has_support and not surfaces.materials.have_holes:
             self.light_paths = LightPaths(
                 place, surfaces, bounds, lit, self.lobes, self.max_bounces, self.map_share * CANDIDATES
             )
@@ -173,9 +171,10 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # Only new surfaces and the seen side of support scatter, up to the last bounce; holes are passed after it too.
         outside = dr.dot(hit.normal, ray.d) < 0.0
         on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & outside
-        bsdf = si.bsdf(ray)
+        materials = self.surfaces.materials
+        material = materials.number(si, on_synthetic)
         scatters = depth < self.max_bounces
-        active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(bsdf))
+        active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(material, on_synthetic))
         rho, specular_scale = self._reflectance(hit, active & on_support)
         if cache is not None:
             known, mean, begins, here = self._remembered(cache, path, hit, active & on_support)
@@ -207,7 +206,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # A ray that is not aimed carries more for it: what is heavy already is aimed less, lest weights multiply.
         aim = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
         support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, aim, specular_scale)
-        vertex = Vertex(point, normal, si, bsdf, support, active & on_synthetic, active & on_support, in_difference)
+        vertex = Vertex(point, normal, si, material, support, active & on_synthetic, active & on_support, in_difference)
 
         # Light sampling, section 2. In a difference, what decides is whether the one shadow ray is blocked, so
         # that its candidates weigh no more than one sample.
@@ -216,7 +215,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
         # The next direction.
         choice, x, y = randoms.direction(first, active)
-        drawn, weight = vertex.bsdf.sample(context, si, choice, mi.Point2f(x, y), vertex.on_synthetic)
+        drawn, weight = materials.sample(material, context, si, choice, mi.Point2f(x, y), vertex.on_synthetic)
         support_direction = support.sample(choice, mi.Point2f(x, y))
         support_value, support_pdf = support.evaluate(support_direction)
         direction = dr.select(vertex.on_support, support_direction, si.to_world(drawn.wo))
@@ -327,9 +326,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         weight = dr.select(first, 1.0, _mis_weight(last.pdf, pdf * (1.0 - self.map_share)))
         return dr.select(shines, self._clamped(emitter.eval(si, shines) * weight, depth), 0.0)
 
-    def _has_holes(self, bsdf: mi.BSDFPtr) -> mi.Bool:
+    def _has_holes(self, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
         """Whether light may pass a material without being scattered."""
-        return mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null) if self.has_masks else mi.Bool(False)
+        if not self.surfaces.materials.have_holes:
+            return mi.Bool(False)
+        return mi.has_flag(self.surfaces.materials.flags(material, active), mi.BSDFFlags.Null)
 
     def _reflectance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f]:
         """Recovered albedo and factor on the specular lobe at support points, else 0."""
@@ -438,13 +439,14 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             candidate += 1
         return kept, dr.select(kept_target > 0.0, total / dr.maximum(kept_target, 1e-30), 0.0)
 
-    @staticmethod
     def _scattering(
-        context: mi.BSDFContext, vertex: Vertex, direction: mi.Vector3f, active: mi.Bool
+        self, context: mi.BSDFContext, vertex: Vertex, direction: mi.Vector3f, active: mi.Bool
     ) -> tuple[mi.Color3f, mi.Float]:
         """``f |cos|`` and the density per steradian of scattering toward directions, on new surfaces and support."""
         on_synthetic = vertex.on_synthetic & active
-        bsdf_value, bsdf_pdf = vertex.bsdf.eval_pdf(context, vertex.si, vertex.si.to_local(direction), on_synthetic)
+        bsdf_value, bsdf_pdf = self.surfaces.materials.eval_pdf(
+            vertex.material, context, vertex.si, vertex.si.to_local(direction), on_synthetic
+        )
         support_value, support_pdf = vertex.support.evaluate(direction)
         return (
             dr.select(vertex.on_synthetic, bsdf_value, support_value),
@@ -492,18 +494,20 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         """Share of light that passes all synthetic surfaces along shadow rays."""
         if not self.surfaces.has_synthetic:
             return mi.Float(1.0)
-        if self.has_masks:
+        if self.surfaces.materials.have_holes:
             return self._masked_transmittance(ray, active)
         return dr.select(self.surfaces.synthetic.ray_test(ray, coherent=False, active=active), 0.0, 1.0)
 
     @dr.syntax
     def _masked_transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """The same where materials have holes: from surface to surface."""
+        materials = self.surfaces.materials
         ray, active, passed = mi.Ray3f(ray), mi.Bool(active), mi.Float(1.0)
         while active:
             si = self.surfaces.synthetic.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
             active &= si.is_valid()
-            passed *= dr.select(active, dr.mean(si.bsdf().eval_null_transmission(si, active)), 1.0)
+            transmission = materials.null_transmission(materials.number(si, active), si, active)
+            passed *= dr.select(active, dr.mean(transmission), 1.0)
             active &= passed > 0.0
             remaining = ray.maxt - si.t
             ray = leave(si.p, si.n, ray.d, remaining)

@@ -207,7 +207,8 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         # Line 16: algorithm 2.
         point = dr.select(on_synthetic, si.p, hit.point)
         normal = dr.select(on_synthetic, si.n, hit.normal)
-        bsdf = si.bsdf(ray)
+        materials = self.surfaces.materials
+        material = materials.number(si, on_synthetic)
         own = self.place.surface_radiance(hit, on_support)
         factor = self.surfaces.irradiance(hit, on_support).x
         photograph = dr.select(first & on_support, own, photograph)
@@ -224,7 +225,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         cosine = dr.maximum(dr.dot(direction, hit.normal), 0.0)
         value_support = own * (factor * cosine * share)
         # Eq. 3, with the density that the light has as seen from the point (4).
-        value, bsdf_pdf = bsdf.eval_pdf(context, si, si.to_local(direction), on_synthetic)
+        value, bsdf_pdf = materials.eval_pdf(material, context, si, si.to_local(direction), on_synthetic)
         value *= light.radiance / dr.maximum(pdf + bsdf_pdf, 1e-20)
         useful = (direct_support & (light_pdf > 0.0)) | (on_synthetic & (pdf > 0.0))
         toward_light = shadow_ray(point, normal, direction, distance)
@@ -239,7 +240,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         # Lines 18 to 26.
         choice, x, y = randoms.direction(first, active)
         position = mi.Point2f(x, y)
-        drawn, weight_bsdf = bsdf.sample(context, si, choice, position, on_synthetic)
+        drawn, weight_bsdf = materials.sample(material, context, si, choice, position, on_synthetic)
         support_direction = mi.Frame3f(hit.normal).to_world(mi.warp.square_to_cosine_hemisphere(position))
         direction = dr.select(on_synthetic, si.to_world(drawn.wo), support_direction)
         attenuation = dr.minimum(own * (factor * dr.pi / self.total_luminance), 1.0)  # (3)

@@ -238,13 +238,14 @@ class LightPaths:
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
-        bsdf = si.bsdf(ray)
-        may_end = on_synthetic & ~first & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
+        materials = self.surfaces.materials
+        material = materials.number(si, on_synthetic)
+        smooth = mi.has_flag(materials.flags(material, on_synthetic), mi.BSDFFlags.Smooth)
+        may_end = on_synthetic & ~first & smooth
         ends = may_end & (randoms.next(active) < ENDING_SHARE)
         arrived = (on_real & ~first) | ends
-        drawn, weight = bsdf.sample(
-            context, si, randoms.next(active), mi.Point2f(randoms.next(active), randoms.next(active)), on_synthetic
-        )
+        choice, position = randoms.next(active), mi.Point2f(randoms.next(active), randoms.next(active))
+        drawn, weight = materials.sample(material, context, si, choice, position, on_synthetic)
         direction = si.to_world(drawn.wo)
         # Shading normals make scattering asymmetric: what they would do to the path from the camera.
         asymmetry = dr.abs(mi.Frame3f.cos_theta(si.wi) * dr.dot(si.n, direction))
@@ -253,7 +254,7 @@ class LightPaths:
 
         turned = mi.SurfaceInteraction3f(si)
         turned.wi = drawn.wo
-        scattering_pdf = bsdf.pdf(mi.BSDFContext(), turned, si.wi, on_synthetic & first)
+        _, scattering_pdf = materials.eval_pdf(material, mi.BSDFContext(), turned, si.wi, on_synthetic & first)
         scattering_pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, scattering_pdf)
         light_pdf = path.light_density * dr.select(path.finite, dr.squared_norm(si.p - ray.o), 1.0)
         odds = path.odds * dr.select(first, self._scattered_share(scattering_pdf, light_pdf), 1.0)
@@ -312,7 +313,9 @@ class LightPaths:
         value, pdf = support.evaluate(incoming)
         from_camera = mi.SurfaceInteraction3f(si)
         from_camera.wi = si.to_local(outgoing)
-        bsdf_value, bsdf_pdf = si.bsdf(ray).eval_pdf(mi.BSDFContext(), from_camera, si.wi, on_object)
+        materials = self.surfaces.materials
+        material = materials.number(si, on_object)
+        bsdf_value, bsdf_pdf = materials.eval_pdf(material, mi.BSDFContext(), from_camera, si.wi, on_object)
         value, pdf = dr.select(on_object, bsdf_value, value), dr.select(on_object, bsdf_pdf, pdf)
 
         angle = camera.solid_angle
