@@ -25,7 +25,8 @@ virtual place, the same model of it and the same objects, and is compared with f
 objects in it (stock Mitsuba `path`, up to 32 path vertices, through the same camera).
 
 - Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and taken out of
-  every squared error. The photograph's noise is not: it is part of what every method is given.
+  every squared error. The photograph's noise is not: it is part of what every method is given. Its pixels that show
+  lamps have so many rays that the power of a lamp is not a matter of luck.
 - The *error at convergence* is that at the largest budget without any noise. Two images A and B, rendered with different
   random numbers, are compared with the truth T in the means of blocks of 8 by 8 pixels. The mean over the blocks of
   (A - T) (B - T), less the variance of T, has the squared error as its expectation: the noise of A and B is independent

@@ -24,6 +24,12 @@ LANES = 1 << 22
 """Camera rays of one pass: bounds memory, whatever the size and the number of samples."""
 FEWEST_PASSES = 32
 """The variance is estimated from the spread of the passes; few of them would make it an unreliable estimate."""
+LAMP = 10.0
+"""How many times the mean of a photograph a pixel must have that shows a lamp;"""
+LAMP_RAYS = 1 << 25
+"""camera rays that such pixels share,"""
+SEED_OF_LAMPS = 3
+"""with random numbers of their own, so far from the photograph's."""
 CACHE_FORMAT = 2
 """Part of every cache key; raise it when the code below changes what it computes."""
 
@@ -78,27 +84,47 @@ def path_trace(
         with_coverage: whether coverage is wanted; it is 0 otherwise.
         progress: called after each pass with the samples done and to be done.
     """
+    width, height = view.camera.resolution
+    traced = trace_pixels(scene, view, np.arange(width * height), samples, seed, max_depth, progress)
+    mean, variance = (values.reshape(height, width, 3) for values in (traced.mean, traced.variance))
+    covered = coverage(scene, view) if with_coverage else np.zeros((height, width))
+    return dataclasses.replace(traced, mean=mean, variance=variance, coverage=covered)
+
+
+def trace_pixels(
+    scene: Any,
+    view: CameraView,
+    pixels: NDArray[np.integer],
+    samples: int,
+    seed: int,
+    max_depth: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> Estimate:
+    """Path-trace some pixels, row-major indices of shape (n,).
+
+    Returns:
+        Their estimate, of shapes (n, 3) and (n,), without coverage.
+    """
     import drjit as dr
     import mitsuba as mi
 
-    width, height = view.camera.resolution
-    pixels = width * height
+    count = len(pixels)
     sampler = mi.load_dict(
-        {"type": "multijitter", "sample_count": int(max(1, min(LANES // pixels, samples // FEWEST_PASSES)))}
+        {"type": "multijitter", "sample_count": int(max(1, min(LANES // count, samples // FEWEST_PASSES)))}
     )
     per_pass = int(sampler.sample_count())  # The sampler rounds up to a grid of strata.
     passes = max(min(FEWEST_PASSES, samples), 2, -(-samples // per_pass))
     integrator = mi.load_dict({"type": "path", "max_depth": max_depth})
-    mean = np.zeros((height, width, 3))
-    spread = np.zeros((height, width, 3))
+    mean = np.zeros((count, 3))
+    spread = np.zeros((count, 3))
     began = time.perf_counter()
     for index in range(passes):
-        ray, inside = film_rays(view, sampler, per_pass, seed * 65536 + index)
+        ray, inside = film_rays(view, sampler, per_pass, seed * 65536 + index, pixels)
         radiance, _, _ = integrator.sample(scene, sampler, ray, active=inside)
         radiance = dr.select(inside, radiance, 0.0)
         dr.eval(radiance)  # At once: summing evaluates its argument, and would trace the paths again for each channel.
         channels = [np.asarray(dr.block_sum(channel, per_pass), dtype=np.float64) for channel in radiance]
-        image = np.stack(channels, axis=-1).reshape(height, width, 3) / per_pass
+        image = np.stack(channels, axis=-1) / per_pass
         if index == 0:
             first = time.perf_counter() - began
         delta = image - mean
@@ -107,18 +133,20 @@ def path_trace(
         if progress is not None:
             progress((index + 1) * per_pass, passes * per_pass)
     seconds = (time.perf_counter() - began - first) * passes / (passes - 1)
-    covered = coverage(scene, view) if with_coverage else np.zeros((height, width))
-    return Estimate(mean, spread / (passes * (passes - 1)), covered, passes * per_pass, seconds)
+    return Estimate(mean, spread / (passes * (passes - 1)), np.zeros(count), passes * per_pass, seconds)
 
 
-def film_rays(view: CameraView, sampler: Any, per_pixel: int, seed: int) -> tuple[Any, Any]:
-    """Camera rays in world through every pixel, box-filtered.
+def film_rays(
+    view: CameraView, sampler: Any, per_pixel: int, seed: int, pixels: NDArray[np.integer] | None = None
+) -> tuple[Any, Any]:
+    """Camera rays in world through pixels, box-filtered.
 
     Args:
         view: the camera.
         sampler: a Mitsuba sampler; it is seeded here.
         per_pixel: rays a pixel; those of one pixel are neighbours.
         seed: of the random numbers.
+        pixels: which, row-major indices; all of them by default.
 
     Returns:
         ``(mi.RayDifferential3f, inside)`` as :meth:`lightdepth.cameras.Camera.camera_rays` has it.
@@ -126,13 +154,16 @@ def film_rays(view: CameraView, sampler: Any, per_pixel: int, seed: int) -> tupl
     import drjit as dr
     import mitsuba as mi
 
+    from lightdepth.kernel.arrays import aligned
     from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 
     width, height = view.camera.resolution
+    chosen = mi.UInt32(aligned(np.arange(width * height) if pixels is None else pixels, np.uint32))
+    rays = len(chosen) * per_pixel
     to_world, origin = opaque_matrix(view.rotation), opaque_point(view.position)
     sampler.set_samples_per_wavefront(per_pixel)
-    sampler.seed(seed, width * height * per_pixel)
-    index = dr.arange(mi.UInt32, width * height * per_pixel) // dr.opaque(mi.UInt32, per_pixel)
+    sampler.seed(seed, rays)
+    index = dr.gather(mi.UInt32, chosen, dr.arange(mi.UInt32, rays) // dr.opaque(mi.UInt32, per_pixel))
     film = (mi.Point2f(index % width, index // width) + sampler.next_2d()) / mi.Point2f(width, height)
     start_point, direction, inside = view.camera.camera_rays(film, sampler.next_2d())
     return mi.RayDifferential3f(to_world @ mi.Vector3f(start_point) + origin, to_world @ direction), inside
@@ -222,28 +253,51 @@ def truth(place: Place, camera: str, width: int, samples: int, objects: bool = T
         objects: with or without the objects.
         seed: of the random numbers; the photograph uses another one, so that the two are independent.
     """
-    seen = place if objects else place.empty()
     posed = place.camera(camera, width)
-    surfaces = tuple((part.mesh.vertices, part.mesh.faces, part.color, part.radiance) for part in seen.parts)
-    key = content_hash(CACHE_FORMAT, MAX_DEPTH, surfaces, seen.objects, seen.sky, posed, samples, seed)
-
-    start()
 
     def make() -> Estimate:
-        import mitsuba as mi
+        return path_trace(_mitsuba(place, objects), posed, samples, seed)
 
-        scene = mi.load_dict(place.mitsuba_scene(objects), optimize=False)
-        return path_trace(scene, posed, samples, seed)
+    return cached(_key(place, posed, samples, seed, objects), make)
 
-    return cached(key, make)
+
+def _key(place: Place, posed: CameraView, samples: int, seed: int, objects: bool, *more: Any) -> str:
+    """Hash of all that decides what a rendering shows."""
+    seen = place if objects else place.empty()
+    surfaces = tuple((part.mesh.vertices, part.mesh.faces, part.color, part.radiance) for part in seen.parts)
+    return content_hash(CACHE_FORMAT, MAX_DEPTH, surfaces, seen.objects, seen.sky, posed, samples, seed, *more)
+
+
+def _mitsuba(place: Place, objects: bool) -> Any:
+    start()
+    import mitsuba as mi
+
+    return mi.load_dict(place.mitsuba_scene(objects), optimize=False)
 
 
 def photograph(place: Place, width: int, samples: int) -> Estimate:
     """What a camera at the capture point sees of the empty place: the panorama that lightdepth is given.
+
+    A lamp of few pixels, each covered in part, would get its power by the luck of its camera rays, and give it to all
+    that it lights; the rays that meet lamps cost little, so that their pixels get many more.
 
     Args:
         place: its objects do not matter.
         width: pixels.
         samples: camera rays a pixel.
     """
-    return truth(place, "panorama", width, samples, objects=False, seed=2)
+    posed, seed = place.camera("panorama", width), 2
+
+    def make() -> Estimate:
+        seen = truth(place, "panorama", width, samples, objects=False, seed=seed)
+        brightness = seen.mean.mean(axis=-1)
+        lamps = np.flatnonzero(brightness > LAMP * brightness.mean())
+        if not len(lamps):
+            return seen
+        rays = max(samples, LAMP_RAYS // len(lamps))
+        again = trace_pixels(_mitsuba(place, False), posed, lamps, rays, seed + SEED_OF_LAMPS, MAX_DEPTH)
+        mean, variance = seen.mean.copy(), seen.variance.copy()
+        mean.reshape(-1, 3)[lamps], variance.reshape(-1, 3)[lamps] = again.mean, again.variance
+        return dataclasses.replace(seen, mean=mean, variance=variance)
+
+    return cached(_key(place, posed, samples, seed, False, LAMP, LAMP_RAYS), make)

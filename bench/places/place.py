@@ -138,6 +138,8 @@ class Sky:
         sun_direction: toward the sun, world.
         sun_radiance: of the sun's disk.
         sun_diameter: degrees.
+        sun_distance: metres; from a few thousand, its light would differ by two thousandths from one end of a court to the
+            other.
     """
 
     zenith: Color
@@ -146,6 +148,7 @@ class Sky:
     sun_direction: Point
     sun_radiance: Color
     sun_diameter: float
+    sun_distance: float = 1e5
 
     def mitsuba(self) -> dict[str, Any]:
         """The sky as an environment map and the sun as a far, glowing disk."""
@@ -157,12 +160,11 @@ class Sky:
         rows = share * np.asarray(self.zenith) + (1.0 - share) * np.asarray(self.horizon)
         rows = np.where(elevation[:, None] < 0.0, np.asarray(self.ground), rows)
         image = np.repeat(rows[:, None, :], 2 * height, axis=1).astype(np.float32)
-        distance = 2000.0
         direction = np.asarray(self.sun_direction) / np.linalg.norm(self.sun_direction)
-        radius = distance * np.tan(np.radians(0.5 * self.sun_diameter))
+        radius = self.sun_distance * np.tan(np.radians(0.5 * self.sun_diameter))
         transform = mi.ScalarTransform4f
         to_world = transform().look_at(
-            origin=(distance * direction).tolist(), target=[0.0, 0.0, 0.0], up=[0.3, 0.2, 1.0]
+            origin=(self.sun_distance * direction).tolist(), target=[0.0, 0.0, 0.0], up=[0.3, 0.2, 1.0]
         ) @ transform().scale(float(radius))
         return {
             "sky": {
