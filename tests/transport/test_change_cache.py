@@ -71,6 +71,22 @@ def test_what_is_learnt_is_the_mean_of_what_paths_met_in_a_cell(cache):
     assert not cache.look_up(mi.UInt64(cells), mi.Bool(False))[0].numpy().any()
 
 
+def test_cells_with_few_records_lean_on_their_neighbours(cache):
+    """On the eight cells of one block; what a neighbouring block knows does not matter."""
+    edge = 4.0
+    points = 16.0 + edge * (0.5 + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1], [2, 0, 0], [-1, 0, 0]]))
+    cells, edges = cells_of(cache, points)
+    assert (edges == edge).all()
+    for cell, records, value in ((0, 1, 9.0), (1, 3000, 1.0), (3, 5, 100.0)):
+        with cache.learn(records):
+            cache.record(dr.arange(mi.UInt32, records), mi.UInt64([int(cells[cell])]), mi.Color3f(value), mi.Bool(True))
+    known, mean = cache.look_up(mi.UInt64(cells), mi.Bool(True))
+    np.testing.assert_array_equal(known.numpy(), [True, True, True, True, False])
+    around = (9.0 + 3000.0) / 3001.0
+    expected = [(9.0 + 4.0 * around) / 5.0, (3000.0 + 4.0 * around) / 3004.0, around, 100.0]
+    np.testing.assert_allclose(mean.numpy()[0, :4], expected, rtol=1e-5)
+
+
 def test_paths_that_do_not_learn_leave_no_trace(cache):
     cells, _ = cells_of(cache, [[3.0, 0.2, 0.1]] * 10)
     cache.record(dr.arange(mi.UInt32, 10), mi.UInt64(cells), mi.Color3f(1.0), mi.Bool(True))

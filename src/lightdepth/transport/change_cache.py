@@ -30,6 +30,14 @@ SEARCH_STEPS = 22
 COORDINATE_BITS, FACING_BITS = 18, 3
 LEVEL_OFFSET = 16
 NO_CELL = 0
+NEIGHBOURS_COUNT = 4.0
+"""Cells are read as if they had so many more records, of the mean of the two by two by two that they are among: most have
+few of their own at first, and some none."""
+CORNERS = np.array(
+    [sum(((corner >> axis) & 1) << (FACING_BITS + axis * COORDINATE_BITS) for axis in range(3)) for corner in range(8)],
+    np.uint64,
+)
+"""The bits of a cell's number that tell which of eight neighbours it is."""
 
 
 class ChangeCache:
@@ -132,16 +140,25 @@ class ChangeCache:
         self._upload()
 
     def _upload(self) -> None:
-        count = len(self._cells)
-        size = max(count, FEWEST_ENTRIES)
-        means = aligned_empty((size, 4))
+        blocks, of_record = np.unique(self._cells & ~CORNERS[-1], return_inverse=True)
+        cells = (blocks[:, None] | CORNERS).reshape(-1)
+        block = np.repeat(np.arange(len(blocks)), len(CORNERS))
+        order = np.argsort(cells)
+        cells, block = cells[order], block[order]
+        records, sums = np.zeros(len(cells)), np.zeros((len(cells), 3))
+        place = np.searchsorted(cells, self._cells)
+        records[place], sums[place] = self._records, self._sums
+        in_block = np.bincount(of_record, self._records, len(blocks))
+        around = np.stack([np.bincount(of_record, channel, len(blocks)) / in_block for channel in self._sums.T], axis=1)
+        size = max(len(cells), FEWEST_ENTRIES)
+        means, known = aligned_empty((size, 4)), np.zeros(size, np.uint64)
         means[:] = 0.0
-        means[:count, :3] = self._sums / self._records[:, None]
-        cells = np.zeros(size, np.uint64)
-        cells[:count] = self._cells
+        means[: len(cells), :3] = sums + NEIGHBOURS_COUNT * around[block]
+        means[: len(cells), :3] /= (records + NEIGHBOURS_COUNT)[:, None]
+        known[: len(cells)] = cells
         self._means = mi.Float(means.reshape(-1))
-        self._known = mi.UInt64(aligned(cells, np.uint64))
-        self._count = dr.opaque(mi.UInt32, count)
+        self._known = mi.UInt64(aligned(known, np.uint64))
+        self._count = dr.opaque(mi.UInt32, len(cells))
 
 
 def _facing(normal: mi.Vector3f) -> mi.UInt32:
