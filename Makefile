@@ -8,7 +8,7 @@ STAMP := $(VENV)/installed
 
 install: $(STAMP)
 
-# Rebuilt only when the lock or the project file changed.
+# Rebuilt only when the lock or the project file changed. What is installed in place, pip does not compile to bytecode.
 $(STAMP): requirements.lock pyproject.toml
 	$(PYTHON) -m venv --clear $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock

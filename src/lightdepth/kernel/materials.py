@@ -29,9 +29,9 @@ class Materials:
         bsdfs: dict[int, mi.BSDF] = {}
         worn: dict[int, int] = {}
         for shape in shapes:
-            pointer = _registered(mi.BSDFPtr(shape.bsdf()))
+            pointer = registered(mi.BSDFPtr(shape.bsdf()))
             bsdfs.setdefault(pointer, shape.bsdf())
-            worn[_registered(mi.ShapePtr(shape))] = list(bsdfs).index(pointer)
+            worn[registered(mi.ShapePtr(shape))] = list(bsdfs).index(pointer)
         # With no shapes, something to call where nothing is met.
         self._bsdfs = list(bsdfs.values()) or [load({"type": "diffuse"})]
         self._of_shape = mi.UInt32([worn.get(shape, 0) for shape in range(max(worn, default=0) + 1)])
@@ -79,6 +79,6 @@ class Materials:
         return dr.switch(number, [bsdf.eval_diffuse_reflectance for bsdf in self._bsdfs], si, active)
 
 
-def _registered(pointer: mi.BSDFPtr | mi.ShapePtr) -> int:
-    """The number that Dr.Jit keeps an object under."""
+def registered(pointer: mi.BSDFPtr | mi.ShapePtr) -> int:
+    """The number that Dr.Jit keeps an object under, from a pointer array of length 1."""
     return int(dr.reinterpret_array(mi.UInt32, pointer)[0])

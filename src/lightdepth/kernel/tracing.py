@@ -12,7 +12,7 @@ import numpy as np
 
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.loading import load
-from lightdepth.kernel.materials import Materials
+from lightdepth.kernel.materials import Materials, registered
 from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.kernel.shapes import mesh_shape
 
@@ -73,7 +73,7 @@ class TracedSurfaces:
         self.materials = Materials(shapes)
         self._real_shape = mi.UInt32(0)
         if self.has_real:
-            self._real_shape = dr.opaque(mi.UInt32, _shape_number(real["real"]))
+            self._real_shape = dr.opaque(mi.UInt32, registered(mi.ShapePtr(real["real"])))
         self._fill_tables(surfaces)
 
     def with_values(self, surfaces: RealSurfaces) -> TracedSurfaces:
@@ -207,10 +207,6 @@ def _beside(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f) -> m
 
 def _scene(shapes: dict[str, mi.Shape], robust: bool = False) -> mi.Scene:
     return load({"type": "scene", "embree_use_robust_intersections": robust, **shapes})
-
-
-def _shape_number(shape: mi.Shape) -> int:
-    return int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0])
 
 
 def _padded(vectors: np.ndarray) -> np.ndarray:
