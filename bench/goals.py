@@ -22,7 +22,7 @@ def goals(results: dict[str, Any]) -> Iterator[Table]:
     yield _signed(largest, places, budgets[-1])
     yield _converged(largest, places, labels, budgets[-1])
     yield _wrong(records, places, effort["converged"])
-    yield from _equal_error(records, places, labels, budgets[1:-1])
+    yield from _equal_error(records, places, labels, budgets[1:])
 
 
 def _signed(records: list[dict[str, Any]], places: tuple[str, ...], samples: int) -> Table:
@@ -120,8 +120,9 @@ def _equal_error(
                     row.append("" if needed is None else _time(needed, seconds))
                 rows.append(row)
     yield (
-        "Time to the error that `difference` has at the middle budgets: ours as measured there, since its error falls "
-        "faster than the fit's, the others' from their fits (*never*: the bias alone is larger; in brackets, against ours)",
+        f"Time to the error that `difference` has with {', '.join(map(str, budgets))} samples: ours as measured there, "
+        "since its error falls faster than the fit's, the others' from their fits (*never*: the bias alone is larger; in "
+        "brackets, against ours)",
         ["place", "region", "error", *labels.values()],
         rows,
     )

@@ -66,11 +66,13 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
     )
     if note:
         lines.append(f"**{note}**\n")
-    effort = results["effort"]
+    effort, labels = results["effort"], results["labels"]
     lines.append(
         f"Photographs {effort['photograph'][0]} pixels wide with {effort['photograph'][1]} samples, truth with "
         f"{effort['truth_samples']} samples, images {effort['cameras']}, budgets {list(effort['budgets'])} samples, "
-        f"{effort['repeats']} runs, object set `{effort['objects']}`.\n"
+        f"{effort['repeats']} runs, object set `{effort['objects']}`."
+        + "".join(f" {labels[name]} once with {samples} samples as well." for name, samples in effort["longer"].items())
+        + "\n"
     )
     lines.append("## Summary\n")
     for title, head, rows in goals(results):

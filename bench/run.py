@@ -8,7 +8,7 @@ import json
 import os
 import platform
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +38,8 @@ class Effort:
             through ``view``. With the name of a place before it (``court/view``), of that place's alone.
         budgets: samples a pixel that each method is given; the largest is for convergence, and rendered with two seeds
             through the camera ``view``.
+        longer: samples a pixel that some methods are given besides, once, through ``view``: those whose error is noise
+            and nothing else even at the largest budget, so that when they reach a small error is seen and not guessed.
         repeats: how often the other budgets are timed through the camera ``view``; what is denoised, once.
         converged: samples a pixel of the product's methods with wrong models.
         places: names of the places.
@@ -52,6 +54,7 @@ class Effort:
     converged: int
     places: tuple[str, ...] = tuple(PLACES)
     objects: str = "mixed"
+    longer: dict[str, int] = field(default_factory=dict)
 
 
 QUICK = Effort((128, 512), {"view": 64}, {"view": 512}, (4, 8, 16), 1, 64)
@@ -62,6 +65,7 @@ FULL = Effort(
     budgets=(4, 16, 64, 512),
     repeats=3,
     converged=1024,
+    longer={"debevec": 4096, "cycles_proxy": 4096},
 )
 SEEDS = (0, 4)
 """Of each method's images; 1 to 3 are those of the truth, the photograph and the plate, and stay theirs."""
@@ -127,7 +131,8 @@ def plan_of(name: str, camera: str, model: str, denoise: bool, effort: Effort) -
         return [(timed, first)]
     if camera != "view":
         return [(timed, first), (largest, first)]
-    return [(timed, first)] * effort.repeats + [(largest, seed) for seed in SEEDS]
+    longer = [((effort.longer[name],), first)] if name in effort.longer else []
+    return [(timed, first)] * effort.repeats + [(largest, seed) for seed in SEEDS] + longer
 
 
 def run(effort: Effort, console: Console) -> dict[str, Any]:
