@@ -25,8 +25,6 @@ SMALLEST_EDGE, LARGEST_EDGE = 0.001, 4.0
 FEWEST_ENTRIES = 2
 """Of the list of cells, if need be with an empty one: looking up a list of one makes a kernel of its own, a second to
 compile."""
-SEARCH_STEPS = 22
-"""Halvings of the list of cells: it may hold as many as two to this power, less one."""
 COORDINATE_BITS, FACING_BITS = 18, 3
 LEVEL_OFFSET = 16
 NO_CELL = 0
@@ -94,7 +92,7 @@ class ChangeCache:
             cell: from :meth:`cell`.
             active: which are wanted.
         """
-        below, step = mi.UInt32(0), mi.UInt32(1 << (SEARCH_STEPS - 1))
+        below, step = mi.UInt32(0), mi.UInt32(self._widest_step)
         while step > 0:
             tried = below + step
             inside = active & (tried <= self._count)
@@ -159,6 +157,7 @@ class ChangeCache:
         self._means = mi.Float(means.reshape(-1))
         self._known = mi.UInt64(aligned(known, np.uint64))
         self._count = dr.opaque(mi.UInt32, len(cells))
+        self._widest_step = dr.opaque(mi.UInt32, 1 << (size.bit_length() - 1))
 
 
 def _facing(normal: mi.Vector3f) -> mi.UInt32:
