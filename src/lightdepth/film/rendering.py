@@ -24,7 +24,6 @@ from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Scene
 from lightdepth.transport.integrator import CameraSums
 from lightdepth.transport.methods import Prepared
-from lightdepth.transport.place import LIGHT_SAMPLES
 from lightdepth.transport.randoms import Randoms, begin_path
 
 PATHS = 1 << 21
@@ -52,10 +51,10 @@ SECONDS_BETWEEN_ERRORS = 0.5
 """The error is estimated for those who watch at most so often,"""
 ERROR_SHARE = 0.05
 """and at most for this share of the time."""
+LIGHTS = 1 << 14
+"""Light samples that paths choose among: as many as fit the processor's cache, since paths look at many far apart."""
 LIGHTS_SERVE = 1 << 21
-"""Camera paths after which new light samples are drawn,"""
-FEWEST_LIGHTS = 15
-"""at least two to this power of them."""
+"""Camera paths after which new ones are drawn."""
 LEARNING_SHARE = 0.1
 """Paths that learn what surfaces send, relative to those that estimate pixels;"""
 FIRST_SHARE, FIRST_PATHS = 0.25, 1 << 15
@@ -275,9 +274,7 @@ class Rendering:
         """One pass: ``counts`` samples for each of ``slots``."""
         paths = int(counts.sum(dtype=np.int64))
         if self._lights_served <= 0:
-            # As many as are worth their while: a small image has few paths to choose among them.
-            worth = 1 << max(FEWEST_LIGHTS, paths.bit_length() - 2)
-            self._prepared.place.draw_lights(self._generator, min(worth, LIGHT_SAMPLES))
+            self._prepared.place.draw_lights(self._generator, LIGHTS)
             self._lights_served = LIGHTS_SERVE
         self._lights_served -= paths
         self._learn(paths)

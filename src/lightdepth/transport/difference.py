@@ -424,7 +424,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         while candidate < CANDIDATES:
             number = choice + mi.Float(candidate) * (1.0 / CANDIDATES)
             number -= dr.floor(number)
-            light = self.place.light(number, active)
+            light = self.place.light_outline(number, active)
             direction, _, pdf = self.place.toward(light, vertex.point)
             value, scattering_pdf = self._scattering(context, vertex, direction, active)
             weight = _mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20)

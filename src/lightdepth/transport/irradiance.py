@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.tracing import leave, shadow_ray
-from lightdepth.transport.place import LIGHT_SAMPLES, Place
+from lightdepth.transport.place import Place
 from lightdepth.transport.support import SpecularLobes, SupportScattering
 
 LANES = 1 << 21
+LIGHT_SAMPLES = 1 << 16
+"""Light samples that all points share, at most;"""
 LIGHTS_PER_SAMPLE = 256
-"""Drawing many lights for few samples a point would take longer than using them."""
+"""and at most so many for each sample of a point: drawing them would take longer than using them."""
 
 
 def estimate_irradiance(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
@@ -23,8 +23,6 @@ from lightdepth.kernel.tracing import RealHit, TracedSurfaces
 from lightdepth.lightmap.distribution import MapDistribution, latlong_to_direction
 from lightdepth.scene.model import Panorama
 
-LIGHT_SAMPLES = 1 << 18
-"""Light samples drawn at once; every path of a pass picks among them."""
 DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
 CLEARLY_BEFORE = 2.0
@@ -74,7 +72,7 @@ class Place:
         self._capture = opaque_point(panorama.position)
         self._pixel_angle = math.pi / self.map.height
         self._depth = self._depth_map()
-        self._lights = mi.Float(0.0)
+        self._light_outlines, self._light_radiance = mi.Float(0.0), mi.Float(0.0)
         self._light_count = mi.UInt32(0)
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Place:
@@ -164,11 +162,15 @@ class Place:
 
     # -- Sampling its light -------------------------------------------------------------------------------------
 
-    def draw_lights(self, generator: np.random.Generator, count: int = LIGHT_SAMPLES) -> None:
+    def draw_lights(self, generator: np.random.Generator, count: int) -> None:
         """Draw the light samples that :meth:`light` hands out until the next call.
 
         Each is a direction from the capture point by the map's density, followed to the first real surface. All vertices
         of a pass share them, so that this search is paid once and not at every vertex.
+
+        Args:
+            generator: source of randomness.
+            count: how many.
         """
         _, w0 = self.map.sample(count, generator)
         direction = self._to_world @ w0
@@ -187,36 +189,47 @@ class Place:
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
             if self.surfaces.deformed:
                 radiance = dr.select(finite, self.surface_radiance(hit, finite), radiance)
-        flags = dr.select(finite, 1.0, 0.0) + dr.select(relit, 2.0, 0.0)
-        self._lights = dr.zeros(mi.Float, 12 * count)
-        index = 3 * dr.arange(mi.UInt32, count)
-        # Packets of four, so that a path fetches a light sample with three loads.
-        packets = (
+        # Two packets of four for each sample, so that one is fetched with two loads from one line of the processor's
+        # cache: paths look at many samples far apart. Signs tell sky and relit surfaces apart. The radiance of the
+        # sample that a path takes is fetched besides.
+        density, largest = dr.select(finite, density, -density), dr.select(relit, -dr.max(radiance), dr.max(radiance))
+        outlines = (
             mi.Vector4f(place.x, place.y, place.z, density),
-            mi.Vector4f(normal.x, normal.y, normal.z, flags),
-            mi.Vector4f(radiance.x, radiance.y, radiance.z, 0.0),
+            mi.Vector4f(normal.x, normal.y, normal.z, largest),
         )
-        dr.eval(packets)
-        for slot, packet in enumerate(packets):
-            dr.scatter(self._lights, packet, index + slot)
-        dr.eval(self._lights)
+        packed_radiance = mi.Vector4f(radiance.x, radiance.y, radiance.z, 0.0)
+        dr.eval(outlines, packed_radiance)
+        index = dr.arange(mi.UInt32, count)
+        self._light_outlines, self._light_radiance = dr.zeros(mi.Float, 8 * count), dr.zeros(mi.Float, 4 * count)
+        for slot, packet in enumerate(outlines):
+            dr.scatter(self._light_outlines, packet, 2 * index + slot)
+        dr.scatter(self._light_radiance, packed_radiance, index)
+        dr.eval(self._light_outlines, self._light_radiance)
         self._light_count = dr.opaque(mi.UInt32, count)
 
     def light(self, number: mi.Float, active: mi.Bool) -> LightSample:
         """Pick light samples by uniform random numbers in [0, 1)."""
-        index = 3 * dr.minimum(mi.UInt32(number * mi.Float(self._light_count)), self._light_count - 1)
-        first = dr.gather(mi.Vector4f, self._lights, index, active)
-        second = dr.gather(mi.Vector4f, self._lights, index + 1, active)
-        third = dr.gather(mi.Vector4f, self._lights, index + 2, active)
-        flags = mi.UInt32(second.w)
+        light = self.light_outline(number, active)
+        radiance = dr.gather(mi.Vector4f, self._light_radiance, self._light_index(number), active)
+        return replace(light, radiance=mi.Color3f(radiance.x, radiance.y, radiance.z))
+
+    def light_outline(self, number: mi.Float, active: mi.Bool) -> LightSample:
+        """The same without their colour, which takes less time: every channel of their radiance is the largest one."""
+        index = 2 * self._light_index(number)
+        first = dr.gather(mi.Vector4f, self._light_outlines, index, active)
+        second = dr.gather(mi.Vector4f, self._light_outlines, index + 1, active)
         return LightSample(
             mi.Vector3f(first.x, first.y, first.z),
             mi.Vector3f(second.x, second.y, second.z),
-            first.w,
-            mi.Color3f(third.x, third.y, third.z),
-            (flags & 1) != 0,
-            (flags & 2) != 0,
+            dr.abs(first.w),
+            mi.Color3f(dr.abs(second.w)),
+            first.w >= 0.0,
+            second.w < 0.0,
         )
+
+    def _light_index(self, number: mi.Float) -> mi.UInt32:
+        """Where in the list the light samples are that uniform random numbers pick."""
+        return dr.minimum(mi.UInt32(number * mi.Float(self._light_count)), self._light_count - 1)
 
     def toward(self, light: LightSample, point: mi.Point3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Direction, distance and density of light samples as seen from points.
