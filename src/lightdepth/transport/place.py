@@ -189,23 +189,7 @@ class Place:
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
             if self.surfaces.deformed:
                 radiance = dr.select(finite, self.surface_radiance(hit, finite), radiance)
-        # Two packets of four for each sample, so that one is fetched with two loads from one line of the processor's
-        # cache: paths look at many samples far apart. Signs tell sky and relit surfaces apart. The radiance of the
-        # sample that a path takes is fetched besides.
-        density, largest = dr.select(finite, density, -density), dr.select(relit, -dr.max(radiance), dr.max(radiance))
-        outlines = (
-            mi.Vector4f(place.x, place.y, place.z, density),
-            mi.Vector4f(normal.x, normal.y, normal.z, largest),
-        )
-        packed_radiance = mi.Vector4f(radiance.x, radiance.y, radiance.z, 0.0)
-        dr.eval(outlines, packed_radiance)
-        index = dr.arange(mi.UInt32, count)
-        self._light_outlines, self._light_radiance = dr.zeros(mi.Float, 8 * count), dr.zeros(mi.Float, 4 * count)
-        for slot, packet in enumerate(outlines):
-            dr.scatter(self._light_outlines, packet, 2 * index + slot)
-        dr.scatter(self._light_radiance, packed_radiance, index)
-        dr.eval(self._light_outlines, self._light_radiance)
-        self._light_count = dr.opaque(mi.UInt32, count)
+        self._keep(LightSample(place, normal, density, radiance, finite, relit), count)
 
     def light(self, number: mi.Float, active: mi.Bool) -> LightSample:
         """Pick light samples by uniform random numbers in [0, 1)."""
@@ -226,6 +210,28 @@ class Place:
             first.w >= 0.0,
             second.w < 0.0,
         )
+
+    def _keep(self, lights: LightSample, count: int) -> None:
+        """Lay out light samples for :meth:`light`.
+
+        In two packets of four, so that one is fetched with two loads from one line of the processor's cache: paths look
+        at many that lie far apart. Signs tell sky and relit surfaces from others. The radiance lies by itself, since it
+        is wanted of few.
+        """
+        largest = dr.max(lights.radiance)
+        packets = (
+            mi.Vector4f(*lights.place, dr.select(lights.finite, lights.density, -lights.density)),
+            mi.Vector4f(*lights.normal, dr.select(lights.on_relit, -largest, largest)),
+            mi.Vector4f(*lights.radiance, 0.0),
+        )
+        dr.eval(packets)
+        index = dr.arange(mi.UInt32, count)
+        self._light_outlines, self._light_radiance = dr.zeros(mi.Float, 8 * count), dr.zeros(mi.Float, 4 * count)
+        dr.scatter(self._light_outlines, packets[0], 2 * index)
+        dr.scatter(self._light_outlines, packets[1], 2 * index + 1)
+        dr.scatter(self._light_radiance, packets[2], index)
+        dr.eval(self._light_outlines, self._light_radiance)
+        self._light_count = dr.opaque(mi.UInt32, count)
 
     def _light_index(self, number: mi.Float) -> mi.UInt32:
         """Where in the list the light samples are that uniform random numbers pick."""
