@@ -38,8 +38,8 @@ class Effort:
             through ``view``. With the name of a place before it (``court/view``), of that place's alone.
         budgets: samples a pixel that each method is given; the largest is for convergence, and rendered with two seeds
             through the camera ``view``.
-        longer: samples a pixel that some methods are given besides, once, through ``view``: those whose error is noise
-            and nothing else even at the largest budget, so that when they reach a small error is seen and not guessed.
+        longer: samples a pixel that some methods are given besides, once, through ``view``: those whose error is mostly
+            noise even at the largest budget, so that when they reach a small error is seen and not guessed.
         repeats: how often the other budgets are timed through the camera ``view``; what is denoised, once.
         converged: samples a pixel of the product's methods with wrong models.
         places: names of the places.

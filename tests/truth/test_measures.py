@@ -98,7 +98,7 @@ def test_every_method_renders_the_largest_budget_with_two_seeds(effort) -> None:
     assert not set(SEEDS) & {1, 2, 3}
 
 
-def test_unbiased_methods_are_followed_further() -> None:
+def test_methods_that_are_mostly_noise_are_followed_further() -> None:
     assert min(FULL.longer.values()) > FULL.budgets[-1]
     for method in ("difference", "debevec", "cycles_proxy", "luxcore_catcher"):
         longest = max(max(budgets) for budgets, _ in plan_of(method, "view", "exact", False, FULL))
