@@ -31,8 +31,11 @@ class RealSurfaces:
         gloss: 0 for none, else 1 + index into ``glosses``, shape (m,), uint32.
         glosses: the specular lobes that occur.
         rest: where each vertex takes its colour from, shape (n, 3), float32; ``vertices`` where nothing is deformed.
-        irradiance: E of each vertex, linear RGB, shape (n, 3), float32; zero where it was not recovered.
-        mirrored: radiance that a glossy vertex's specular lobe sent to the capture point, shape (n, 3), float32.
+        divisions: into how many parts the grid of each face's nodes divides its edges, shape (m,), uint32.
+        first_node: where the nodes of each face begin, shape (m,), uint32; several faces may share theirs. They come in
+            rows along the edge from the first to the second vertex, the rows one after the other toward the third.
+        irradiance: E at each node, linear RGB, shape (k, 3), float32; zero where it was not recovered.
+        mirrored: radiance that a glossy node's specular lobe sent to the capture point, shape (k, 3), float32.
         unseen_albedo: what the part of each face reflects that the capture point does not see, linear RGB, shape (m, 3),
             float32; zero where nothing is known of it.
     """
@@ -43,6 +46,8 @@ class RealSurfaces:
     gloss: NDArray[np.uint32]
     glosses: tuple[Gloss, ...]
     rest: NDArray[np.float32]
+    divisions: NDArray[np.uint32]
+    first_node: NDArray[np.uint32]
     irradiance: NDArray[np.float32]
     mirrored: NDArray[np.float32]
     unseen_albedo: NDArray[np.float32]
@@ -81,9 +86,12 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
     if not surfaces:
         empty = np.zeros((0, 3), np.float32)
         no_faces = np.zeros(0, np.uint32)
-        return RealSurfaces(empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, empty, empty, empty)
+        return RealSurfaces(
+            empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, no_faces, no_faces, empty, empty, empty
+        )
     merged = np.concatenate(vertices).astype(np.float32)
     kind_of_faces = np.concatenate(kinds)
+    no_values = np.zeros((3, 3), np.float32)
     return RealSurfaces(
         merged,
         np.concatenate(faces).astype(np.int32),
@@ -91,8 +99,10 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
         np.concatenate(gloss_numbers),
         tuple(glosses),
         np.concatenate(rests).astype(np.float32),
-        np.zeros_like(merged),
-        np.zeros_like(merged),
+        np.ones_like(kind_of_faces),
+        np.zeros_like(kind_of_faces),
+        no_values,
+        no_values,
         np.zeros((len(kind_of_faces), 3), np.float32),
     )
 

@@ -84,14 +84,15 @@ class TracedSurfaces:
 
     def _fill_tables(self, surfaces: RealSurfaces) -> None:
         count = len(surfaces.faces)
-        corners = np.zeros((max(count, 1), 4), np.uint32)
-        corners[:count, :3] = surfaces.faces
-        corners[:count, 3] = surfaces.kind | (surfaces.gloss << 2)
-        self._corners = mi.UInt32(aligned(corners, np.uint32))
+        facts = np.zeros((max(count, 1), 4), np.uint32)
+        facts[:count, 0] = surfaces.first_node
+        facts[:count, 1] = surfaces.divisions
+        facts[:count, 3] = surfaces.kind | (surfaces.gloss << 2)
+        self._facts = mi.UInt32(aligned(facts, np.uint32))
         self._normals = mi.Float(_padded(face_normals(surfaces.vertices, surfaces.faces)))
         self._irradiance = mi.Float(_padded(surfaces.irradiance))
         self._mirrored = mi.Float(_padded(surfaces.mirrored)) if surfaces.glosses else None
-        self._rest = mi.Float(_padded(surfaces.rest)) if self.deformed else None
+        self._rest = mi.Float(_padded(surfaces.rest[surfaces.faces].reshape(-1, 3))) if self.deformed else None
         self.knows_unseen = bool(surfaces.unseen_albedo.any())
         self._unseen_albedo = mi.Float(_padded(surfaces.unseen_albedo)) if self.knows_unseen else None
 
@@ -109,7 +110,7 @@ class TracedSurfaces:
     def real_hit(self, ray: mi.Ray3f, found: mi.PreliminaryIntersection3f, valid: mi.Bool) -> RealHit:
         """Look up what is known of the real face that was met, where ``valid``."""
         face = dr.select(valid, found.prim_index, 0)
-        flags = dr.gather(mi.UInt32, self._corners, 4 * face + 3, valid)
+        flags = dr.gather(mi.UInt32, self._facts, 4 * face + 3, valid)
         normal = dr.gather(mi.Vector4f, self._normals, face, valid)
         return RealHit(
             valid,
@@ -146,15 +147,32 @@ class TracedSurfaces:
         """Where points of real surfaces take their colour from (paper, section 5.8), world, metres."""
         if self._rest is None:
             return hit.point
-        value = self._interpolate(self._rest, hit, active)
+        value = dr.zeros(mi.Vector4f)
+        for corner, weight in enumerate((1.0 - hit.uv.x - hit.uv.y, hit.uv.x, hit.uv.y)):
+            value += weight * dr.gather(mi.Vector4f, self._rest, 3 * hit.face + corner, active)
         return mi.Point3f(value.x, value.y, value.z)
 
     def _interpolate(self, table: mi.Float, hit: RealHit, active: mi.Bool) -> mi.Vector4f:
-        corner = dr.gather(mi.Vector4u, self._corners, hit.face, active)
-        first = dr.gather(mi.Vector4f, table, corner.x, active)
-        second = dr.gather(mi.Vector4f, table, corner.y, active)
-        third = dr.gather(mi.Vector4f, table, corner.z, active)
-        return first * (1.0 - hit.uv.x - hit.uv.y) + second * hit.uv.x + third * hit.uv.y
+        """Values between the nodes of a face's grid, which cut it into small triangles.
+
+        Two of them form a parallelogram and share the nodes to its right and above; the lower one has the node between
+        these besides, the upper one that opposite to it.
+        """
+        facts = dr.gather(mi.Vector4u, self._facts, hit.face, active)
+        divisions = facts.y
+        at = hit.uv * mi.Float(divisions)
+        row = dr.minimum(mi.UInt32(at.y), divisions - 1)
+        column = dr.minimum(mi.UInt32(at.x), divisions - 1 - row)
+        x, y = at.x - mi.Float(column), at.y - mi.Float(row)
+        upper = (x + y > 1.0) & (row + column + 1 < divisions)
+        between = facts.x + column + row * (2 * divisions + 3 - row) // 2
+        right, above = between + 1, between + divisions + 1 - row
+        third = dr.select(upper, above + 1, between)
+        return (
+            dr.gather(mi.Vector4f, table, right, active) * dr.select(upper, 1.0 - y, x)
+            + dr.gather(mi.Vector4f, table, above, active) * dr.select(upper, 1.0 - x, y)
+            + dr.gather(mi.Vector4f, table, third, active) * dr.select(upper, x + y - 1.0, 1.0 - x - y)
+        )
 
 
 def select_hit(choice: mi.Bool, first: RealHit, second: RealHit) -> RealHit:

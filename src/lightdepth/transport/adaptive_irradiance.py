@@ -56,9 +56,7 @@ def estimate_on_mesh(
     def estimate(points: NDArray[np.float32], normals: NDArray[np.float32]) -> tuple[NDArray[np.float32], float]:
         return estimate_irradiance(place, points, normals, generator, samples)
 
-    mesh = _subdivide_to_length(
-        RefinedMesh(support.rest, support.vertices, support.faces, np.arange(len(support.faces)))
-    )
+    mesh = _subdivide_to_length(RefinedMesh.unrefined(support.rest, support.vertices, support.faces))
     irradiance, noise = estimate(mesh.inside(), mesh.vertex_normals())
     fresh = np.ones(len(mesh.faces), bool)
     most = min(MOST_VERTICES, VERTICES_A_SAMPLE * samples)
@@ -84,9 +82,9 @@ def estimate_on_mesh(
         if unknown.any():
             at_middle[unknown], _ = estimate(middles[unknown], normals[unknown])
         goes_on = np.asarray(rough[edges.of_face].any(axis=1))
-        mesh, piece_of = mesh.halved(edges, lengths, marked)
+        mesh = mesh.halved(edges, lengths, marked)
         irradiance = np.concatenate([irradiance, at_middle[marked]])
-        fresh = goes_on[piece_of]
+        fresh = goes_on[mesh.piece_of]
     return mesh, _smooth(_fill_dark(irradiance, mesh.faces), mesh.faces, noise)
 
 
@@ -132,7 +130,7 @@ def _subdivide_to_length(mesh: RefinedMesh) -> RefinedMesh:
         marked = lengths > longest_allowed
         if not marked.any() or len(mesh.points) > MOST_VERTICES // 2:
             return mesh
-        mesh, _ = mesh.halved(edges, lengths, close_marks(edges, lengths, marked))
+        mesh = mesh.halved(edges, lengths, close_marks(edges, lengths, marked))
 
 
 def _fill_dark(irradiance: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:

@@ -64,11 +64,14 @@ def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurf
     corner_normals = np.repeat(np.where(away[:, None], -normals, normals), 3, axis=0)
     factors = _scale_factors(corners, corner_normals, scene.panorama, lights.position, lights.direction, lights.power)
     offset = len(surfaces.vertices)
+    own_nodes = len(surfaces.irradiance) + 3 * np.arange(len(faces))
     return replace(
         surfaces,
         vertices=np.concatenate([surfaces.vertices, corners]),
         rest=np.concatenate([surfaces.rest, corners]),
-        irradiance=np.concatenate([surfaces.irradiance, np.repeat(factors[:, None], 3, axis=1)]).astype(np.float32),
+        divisions=np.concatenate([surfaces.divisions[~chosen], np.ones(len(faces), np.uint32)]),
+        first_node=np.concatenate([surfaces.first_node[~chosen], own_nodes]).astype(np.uint32),
+        irradiance=np.repeat(np.concatenate([[0.0, 0.0, 0.0], factors])[:, None], 3, axis=1).astype(np.float32),
         faces=np.concatenate(
             [surfaces.faces[~chosen], np.arange(len(corners), dtype=np.int32).reshape(-1, 3) + offset]
         ),

@@ -16,6 +16,7 @@ from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.transport.adaptive_irradiance import estimate_again, estimate_on_mesh
+from lightdepth.transport.grids import lay_out
 from lightdepth.transport.irradiance import estimate_irradiance
 from lightdepth.transport.pieces import separate, wind_toward_capture, with_refined
 from lightdepth.transport.place import Place
@@ -89,23 +90,22 @@ def recover_hidden(
     part = separate(modelled, chosen)
     mesh, irradiance = estimate_on_mesh(place, part, (), generator, min(samples, MESH_SAMPLES))
     samples = min(samples // 8 * 2, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(mesh.points) // 2 * 2))
-    unmirrored = np.zeros_like(irradiance)
-    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, mesh, irradiance, unmirrored)))
+    grids, unmirrored = lay_out(mesh), np.zeros_like(irradiance)
+    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, grids, irradiance, unmirrored)))
     number, likeness = np.flatnonzero(chosen), _likeness(part, seen)
     for _ in range(ROUNDS):
         at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples)
         part = replace(part, unseen_albedo=_albedo(part, number, likeness, seen, at_seen))
-        place = _with_values(place, with_refined(modelled, chosen, part, mesh, irradiance, unmirrored))
+        place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance, unmirrored))
         irradiance = estimate_again(place, mesh, generator, samples)
-    place = _with_values(place, with_refined(modelled, chosen, part, mesh, irradiance, unmirrored))
+    place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance, unmirrored))
 
     albedo = modelled.unseen_albedo.copy()
     albedo[chosen] = part.unseen_albedo
     modelled = replace(modelled, unseen_albedo=albedo)
     environment = modelled.kind == FaceKind.ENVIRONMENT
-    pieces = part.kind[mesh.parent] == FaceKind.ENVIRONMENT
-    mesh = replace(mesh, faces=mesh.faces[pieces], parent=mesh.parent[pieces])
-    return place, with_refined(modelled, chosen & environment, part, mesh, irradiance, unmirrored)
+    grids = grids.of_faces(part.kind[grids.mesh.parent] == FaceKind.ENVIRONMENT)
+    return place, with_refined(modelled, chosen & environment, part, grids, irradiance, unmirrored)
 
 
 def _hides_much(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) -> bool:

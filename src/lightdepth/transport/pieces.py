@@ -14,8 +14,8 @@ from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.opaque import opaque_point
 from lightdepth.kernel.real_surfaces import RealSurfaces, face_normals
 from lightdepth.scene.meshes.geometry import face_areas
+from lightdepth.transport.grids import Grids
 from lightdepth.transport.place import Place
-from lightdepth.transport.refinement import RefinedMesh
 
 
 def separate(surfaces: RealSurfaces, chosen: NDArray[np.bool_]) -> RealSurfaces:
@@ -37,11 +37,11 @@ def separate(surfaces: RealSurfaces, chosen: NDArray[np.bool_]) -> RealSurfaces:
         surfaces,
         vertices=surfaces.vertices[kept],
         rest=surfaces.rest[kept],
-        irradiance=surfaces.irradiance[kept],
-        mirrored=surfaces.mirrored[kept],
         faces=inverse.reshape(-1, 3).astype(np.int32),
         kind=surfaces.kind[chosen],
         gloss=surfaces.gloss[chosen],
+        divisions=surfaces.divisions[chosen],
+        first_node=surfaces.first_node[chosen],
         unseen_albedo=surfaces.unseen_albedo[chosen],
     )
 
@@ -72,7 +72,7 @@ def with_refined(
     surfaces: RealSurfaces,
     replaced: NDArray[np.bool_],
     part: RealSurfaces,
-    mesh: RefinedMesh,
+    grids: Grids,
     irradiance: NDArray[np.float32],
     mirrored: NDArray[np.float32],
 ) -> RealSurfaces:
@@ -80,19 +80,22 @@ def with_refined(
 
     Args:
         surfaces: all of them.
-        replaced: the faces whose place ``mesh`` takes, shape (m,).
-        part: what ``mesh`` was refined from.
-        mesh: its faces are pieces of those of ``part``.
-        irradiance: at its vertices, shape (n, 3).
+        replaced: the faces whose place the refined part takes, shape (m,).
+        part: what was refined.
+        grids: how what is known at the vertices of the refined mesh is laid out.
+        irradiance: at these vertices, shape (n, 3).
         mirrored: likewise.
     """
-    offset = len(surfaces.vertices)
+    mesh = grids.mesh
+    offset, nodes = len(surfaces.vertices), len(surfaces.irradiance)
     return replace(
         surfaces,
         vertices=np.concatenate([surfaces.vertices, mesh.vertices]),
         rest=np.concatenate([surfaces.rest, mesh.points]),
-        irradiance=np.concatenate([surfaces.irradiance, irradiance]),
-        mirrored=np.concatenate([surfaces.mirrored, mirrored]),
+        divisions=np.concatenate([surfaces.divisions[~replaced], grids.divisions]),
+        first_node=np.concatenate([surfaces.first_node[~replaced], grids.first_node + np.uint32(nodes)]),
+        irradiance=np.concatenate([surfaces.irradiance, grids.at_nodes(irradiance)]),
+        mirrored=np.concatenate([surfaces.mirrored, grids.at_nodes(mirrored)]),
         faces=np.concatenate([surfaces.faces[~replaced], mesh.faces + offset]),
         kind=np.concatenate([surfaces.kind[~replaced], part.kind[mesh.parent]]),
         gloss=np.concatenate([surfaces.gloss[~replaced], part.gloss[mesh.parent]]),

@@ -19,6 +19,7 @@ from lightdepth.kernel.tracing import RealHit, TracedSurfaces
 from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.transport.adaptive_irradiance import DARK, estimate_on_mesh, share_of_view
 from lightdepth.transport.bounds import Sphere
+from lightdepth.transport.grids import lay_out
 from lightdepth.transport.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.transport.pieces import separate, wind_toward_capture, with_refined
 from lightdepth.transport.place import Place
@@ -89,7 +90,7 @@ def recover_irradiance(
             samples,
         )
     report = _check(place, mesh, irradiance, spheres, generator, 4 * samples)
-    return with_refined(surfaces, receiving, support, mesh, irradiance, mirrored), report
+    return with_refined(surfaces, receiving, support, lay_out(mesh), irradiance, mirrored), report
 
 
 def _check(

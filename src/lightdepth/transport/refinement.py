@@ -46,39 +46,47 @@ def close_marks(edges: Edges, lengths: NDArray[np.float64], marked: NDArray[np.b
 
 
 def split_edges(
-    faces: NDArray[np.int32], edges: Edges, lengths: NDArray[np.float64], middle: NDArray[np.int64]
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    faces: NDArray[np.int32],
+    places: NDArray[np.float64],
+    edges: Edges,
+    lengths: NDArray[np.float64],
+    middle: NDArray[np.int64],
+) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.int64]]:
     """Split every face at the middles of its marked edges.
 
     Args:
         faces: shape (m, 3).
+        places: where their corners are, in coordinates of any kind, shape (m, 3, d).
         edges: their edges, with marks closed by :func:`close_marks`.
         lengths: of the edges.
         middle: index of the new vertex in the middle of each edge, or -1 where it is not split, shape (e,).
 
     Returns:
-        ``(faces, parent)``: the new faces, shape (k, 3), and the index of the face that each came from.
+        ``(faces, places, piece_of)``: the new faces, shape (k, 3), where their corners are, and the index of the face
+        that each is a piece of.
     """
     # Turn each face so that its longest edge, which is marked if any is, joins corners 0 and 1.
     turn = np.argmax(lengths[edges.of_face], axis=1)
     order = (turn[:, None] + np.arange(3)) % 3
-    corners = np.take_along_axis(faces.astype(np.int64), order, axis=1)
-    a, b, c = corners.T
-    ab, bc, ca = middle[np.take_along_axis(edges.of_face, order, axis=1)].T
-    parent = np.arange(len(faces))
-    whole = ab < 0
-    groups = [(whole, [(a, b, c)])]
-    split_bc, split_ca = bc >= 0, ca >= 0
-    groups.append((~whole & ~split_bc & ~split_ca, [(a, ab, c), (ab, b, c)]))
-    groups.append((~whole & split_bc & ~split_ca, [(a, ab, c), (ab, b, bc), (ab, bc, c)]))
-    groups.append((~whole & ~split_bc & split_ca, [(ab, b, c), (a, ab, ca), (ab, c, ca)]))
-    groups.append((~whole & split_bc & split_ca, [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]))
-    new_faces, parents = [], []
-    for chosen, pieces in groups:
-        for piece in pieces:
-            new_faces.append(np.stack(piece, axis=1)[chosen])
-            parents.append(parent[chosen])
-    return np.concatenate(new_faces).astype(np.int32), np.concatenate(parents)
+    middles = middle[np.take_along_axis(edges.of_face, order, axis=1)]
+    vertices = np.concatenate([np.take_along_axis(faces, order, axis=1), middles], axis=1)
+    corners = np.take_along_axis(places, order[..., None], axis=1)
+    places = np.concatenate([corners, 0.5 * (corners + np.roll(corners, -1, axis=1))], axis=1)
+    split_ab, split_bc, split_ca = (middles >= 0).T
+    a, b, c, ab, bc, ca = range(6)
+    groups = (
+        (~split_ab, [(a, b, c)]),
+        (split_ab & ~split_bc & ~split_ca, [(a, ab, c), (ab, b, c)]),
+        (split_ab & split_bc & ~split_ca, [(a, ab, c), (ab, b, bc), (ab, bc, c)]),
+        (split_ab & ~split_bc & split_ca, [(ab, b, c), (a, ab, ca), (ab, c, ca)]),
+        (split_ab & split_bc & split_ca, [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]),
+    )
+    pieces = [(np.flatnonzero(chosen), piece) for chosen, cut in groups for piece in cut]
+    return (
+        np.concatenate([vertices[chosen][:, piece] for chosen, piece in pieces]).astype(np.int32),
+        np.concatenate([places[chosen][:, piece] for chosen, piece in pieces]),
+        np.concatenate([chosen for chosen, _ in pieces]),
+    )
 
 
 @dataclass(frozen=True)
@@ -90,12 +98,27 @@ class RefinedMesh:
         vertices: where they are, likewise.
         faces: shape (m, 3), int32.
         parent: index of the face of the first mesh that each face is a piece of, shape (m,).
+        places: where each face's corners are in that face: weights of its second and third vertex, shape (m, 3, 2).
+        coarser: the mesh that this one was refined from, or ``None``; it has the first of its points.
+        piece_of: index of the face of that mesh that each face is a piece of, shape (m,).
     """
 
     points: NDArray[np.float32]
     vertices: NDArray[np.float32]
     faces: NDArray[np.int32]
     parent: NDArray[np.int64]
+    places: NDArray[np.float64]
+    coarser: RefinedMesh | None
+    piece_of: NDArray[np.int64]
+
+    @classmethod
+    def unrefined(
+        cls, points: NDArray[np.float32], vertices: NDArray[np.float32], faces: NDArray[np.int32]
+    ) -> RefinedMesh:
+        """A first mesh."""
+        each = np.arange(len(faces))
+        places = np.broadcast_to([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]], (len(faces), 3, 2))
+        return cls(points, vertices, faces, each, places, None, each)
 
     def lengths(self, edges: Edges) -> NDArray[np.float64]:
         """Of the edges, metres, shape (e,)."""
@@ -123,23 +146,18 @@ class RefinedMesh:
         toward = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None] - self.points, 0.0)
         return (self.points + 0.01 * toward).astype(np.float32)
 
-    def halved(
-        self, edges: Edges, lengths: NDArray[np.float64], marked: NDArray[np.bool_]
-    ) -> tuple[RefinedMesh, NDArray[np.int64]]:
-        """Split the faces at the middles of marked edges, which become vertices in the order of the edges.
+    def halved(self, edges: Edges, lengths: NDArray[np.float64], marked: NDArray[np.bool_]) -> RefinedMesh:
+        """The mesh whose faces are split at the middles of marked edges, which become vertices in the order of the edges.
 
         Args:
             edges: of this mesh.
             lengths: of the edges.
             marked: which edges to halve, as :func:`close_marks` gives them.
-
-        Returns:
-            The finer mesh, and the index of the face of this one that each of its faces is a piece of.
         """
         middle = np.full(len(edges.ends), -1, np.int64)
         middle[marked] = len(self.points) + np.arange(int(marked.sum()))
-        faces, piece_of = split_edges(self.faces, edges, lengths, middle)
+        faces, places, piece_of = split_edges(self.faces, self.places, edges, lengths, middle)
         ends = edges.ends[marked]
         points = np.concatenate([self.points, self.points[ends].mean(axis=1).astype(np.float32)])
         vertices = np.concatenate([self.vertices, self.vertices[ends].mean(axis=1).astype(np.float32)])
-        return RefinedMesh(points, vertices, faces, self.parent[piece_of]), piece_of
+        return RefinedMesh(points, vertices, faces, self.parent[piece_of], places, self, piece_of)
