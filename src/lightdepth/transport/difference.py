@@ -411,7 +411,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             context: for the BSDFs.
             vertex: where light arrives.
             active: which paths take a sample.
-            choice: uniform random number that picks the first candidate; the others follow evenly.
+            choice: uniform random number that picks the candidates, one in each of as many equal parts of the list.
             chance: uniform random number that picks one among them.
             weight_samples: for how many samples of the map's light multiple importance sampling takes them.
 
@@ -422,8 +422,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         chance = mi.Float(chance)
         candidate = mi.UInt32(0)
         while candidate < CANDIDATES:
-            number = choice + mi.Float(candidate) * (1.0 / CANDIDATES)
-            number -= dr.floor(number)
+            number = (choice + mi.Float(candidate)) * (1.0 / CANDIDATES)
             light = self.place.light_outline(number, active)
             direction, _, pdf = self.place.toward(light, vertex.point)
             value, scattering_pdf = self._scattering(context, vertex, direction, active)

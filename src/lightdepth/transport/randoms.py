@@ -7,22 +7,30 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-STEPS = {
-    "film": (0.7548776662, 0.5698402910),
-    "lens": (0.7548776662, 0.5698402910),
-    "light": (0.6180339887,),
-    "candidate": (0.4142135624,),
-    "direction": (0.8191725134, 0.6710436067, 0.5497004779),
-}
-"""Additive recurrences by what they are for: the golden ratio and its relatives in two and three dimensions."""
+DIMENSIONS = {"film": (0, 1), "light": (2,), "candidate": (3,), "direction": (4, 5, 6), "lens": (7, 8)}
+"""Dimensions of the sequence by what they are for."""
+POLYNOMIALS = (
+    (1, 0, (1,)),
+    (2, 1, (1, 3)),
+    (3, 1, (1, 3, 1)),
+    (3, 2, (1, 1, 1)),
+    (4, 1, (1, 1, 3, 3)),
+    (4, 4, (1, 3, 5, 13)),
+    (5, 2, (1, 1, 5, 5, 17)),
+    (5, 4, (1, 1, 5, 5, 5)),
+)
+"""Degree, coefficients and first numbers of Sobol's dimensions from 1 on, by Joe and Kuo 2008."""
+BITS = 16
+"""Of a sample's index that one sequence serves; every 2^16 samples another begins."""
 
 
 @dataclass
 class Randoms:
     """Random numbers of a path.
 
-    The first scattering decides most of a pixel's noise, so its choices step through low-discrepancy sequences along
-    the pixel's samples, shifted at random from pixel to pixel; all later choices are independent.
+    The first scattering decides most of a pixel's noise, so its choices, with the place on the film, are the dimensions
+    of one Sobol sequence along the pixel's samples, shuffled and scrambled from pixel to pixel (Owen 1995); all later
+    choices are independent.
 
     Attributes:
         generator: independent numbers.
@@ -48,14 +56,15 @@ class Randoms:
         """Numbers in [0, 1) that are well spread over the pixel's samples.
 
         Args:
-            name: what they are for, a key of ``STEPS``.
+            name: what they are for, a key of ``DIMENSIONS``.
         """
+        sequence, shuffle = mi.sample_tea_32(self.pixel, self.index >> BITS)
+        index = dr.brev(_scrambled(dr.brev(self.index & ((1 << BITS) - 1)), shuffle))
         numbers = []
-        for dimension, step in enumerate(STEPS[name]):
-            salt = 16 * list(STEPS).index(name) + dimension
-            shift, _ = mi.sample_tea_32(self.pixel, mi.UInt32(salt))
-            fixed_point = shift + self.index * mi.UInt32(round(step * 2**32))
-            numbers.append(mi.Float(fixed_point >> 8) * (1.0 / 2**24))
+        for dimension in DIMENSIONS[name]:
+            scramble, _ = mi.sample_tea_32(sequence, mi.UInt32(dimension))
+            digits = dr.brev(_scrambled(_reversed_sobol(index, dimension), scramble))
+            numbers.append(mi.Float(digits >> 8) * (1.0 / 2**24))
         return numbers
 
 
@@ -66,3 +75,43 @@ def begin_path(pixel: mi.UInt32, index: mi.UInt32, seed: mi.UInt32) -> Randoms:
     generator = mi.PCG32()
     generator.seed(mi.UInt64(first ^ third), mi.UInt64(second ^ fourth))
     return Randoms(generator, pixel ^ third, index)
+
+
+def _scrambled(digits: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
+    """A random permutation that changes each bit by the lower ones alone: Laine and Karras 2011, as Vegdahl 2021 has it.
+
+    Of binary digits in reverse order it is the scrambling of Owen 1995, in which each depends on those before it.
+    """
+    digits = digits ^ (digits * 0x3D20ADEA)
+    digits = (digits + seed) * ((seed >> 16) | 1)
+    digits ^= digits * 0x05526C56
+    return digits ^ (digits * 0x53A22864)
+
+
+def _reversed_sobol(index: mi.UInt32, dimension: int) -> mi.UInt32:
+    """Binary digits of points of the Sobol sequence, the first in the lowest bit."""
+    if dimension == 0:
+        return index & ((1 << BITS) - 1)
+    digits = mi.UInt32(0)
+    for bit, number in enumerate(_direction_numbers(*POLYNOMIALS[dimension - 1])):
+        digits ^= dr.select((index >> bit) & 1 != 0, mi.UInt32(number), 0)
+    return digits
+
+
+def _direction_numbers(degree: int, coefficients: int, first: tuple[int, ...]) -> list[int]:
+    """What each bit of an index changes in a dimension's binary digits, the first of these in the lowest bit.
+
+    Args:
+        degree: of the dimension's polynomial.
+        coefficients: its inner ones as bits, that of the second highest power first.
+        first: the numbers that its recurrence begins with, as many as its degree.
+    """
+    numbers = list(first)
+    for bit in range(degree, BITS):
+        number = numbers[bit - degree] ^ (numbers[bit - degree] << degree)
+        for power in range(1, degree):
+            if coefficients >> (degree - 1 - power) & 1:
+                number ^= numbers[bit - power] << power
+        numbers.append(number)
+    # The n-th has n + 1 digits, which are the first ones behind the point.
+    return [int(f"{number:0{bit + 1}b}"[::-1], 2) for bit, number in enumerate(numbers)]
