@@ -47,11 +47,13 @@ class LastScattering:
         point: where it was, world, metres.
         pdf: density with which its direction was drawn, per steradian; 0 where light sampling could not draw it.
         weight_samples: for how many samples of the map's light there multiple importance sampling took them.
+        widest_pdf: the smallest such density of all scatterings so far that have one; infinite before the first.
     """
 
     point: mi.Point3f
     pdf: mi.Float
     weight_samples: mi.Float
+    widest_pdf: mi.Float
 
 
 @dataclass
@@ -135,7 +137,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
     def begin(self, path: Path) -> DifferencePath:
         """As the base says."""
-        last = LastScattering(mi.Point3f(path.ray.o), mi.Float(0.0), mi.Float(1.0))
+        last = LastScattering(mi.Point3f(path.ray.o), mi.Float(0.0), mi.Float(1.0), mi.Float(dr.inf))
         return DifferencePath(**vars(path), difference=mi.Bool(False), last=last)
 
     def samples(self, path: DifferencePath) -> CameraSamples:
@@ -235,6 +237,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         last.point = dr.select(through, last.point, point)
         last.pdf = dr.select(through, last.pdf, pdf)
         last.weight_samples = dr.select(through, last.weight_samples, weight_samples)
+        last.widest_pdf = dr.select(through | (pdf == 0.0), last.widest_pdf, dr.minimum(last.widest_pdf, pdf))
         # What it blocks was subtracted when it was met, so that what shows through it counts in full.
         difference = mi.Bool(in_difference)
         covered &= ~(through & first)
@@ -301,8 +304,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         """
         here, edge = cache.cell(hit.point, hit.normal)
         cosine = dr.maximum(-dr.dot(hit.normal, path.ray.d), 1e-3)
-        footprint = dr.square(hit.distance) / (path.last.pdf * cosine)
-        wide = ~path.first & (path.last.pdf > 0.0) & (footprint > WIDTH * dr.square(edge))
+        footprint = dr.square(hit.distance) / (path.last.widest_pdf * cosine)
+        wide = ~path.first & (footprint > WIDTH * dr.square(edge))
         eligible = on_support & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0) & wide
         asks = cache.learning & (path.cell == NO_CELL)
         known, mean = cache.look_up(here, eligible & ~asks)
