@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
+from operator import itemgetter
 from statistics import median
 from typing import Any
 
@@ -20,7 +21,7 @@ def goals(results: dict[str, Any]) -> Iterator[Table]:
     places, budgets = effort["places"], effort["budgets"]
     largest = select(records, model="exact", samples=budgets[-1])
     yield _signed(largest, places, budgets[-1])
-    yield _converged(largest, places, labels, budgets[-1])
+    yield _converged(select(records, model="exact"), places, labels, budgets[-1], effort["longer"])
     yield _wrong(records, places, effort["converged"])
     yield from _equal_error(records, places, labels, budgets[1:])
 
@@ -38,13 +39,19 @@ def _signed(records: list[dict[str, Any]], places: tuple[str, ...], samples: int
     )
 
 
-def _converged(records: list[dict[str, Any]], places: tuple[str, ...], labels: dict[str, str], samples: int) -> Table:
+def _converged(
+    records: list[dict[str, Any]],
+    places: tuple[str, ...],
+    labels: dict[str, str],
+    samples: int,
+    longer: dict[str, int],
+) -> Table:
     rows = []
     for place, region in itertools.product(places, ("objects", "changed", "influenced")):
         found = {
             record["method"]: record["converged"][region]
-            for record in select(records, place=place)
-            if region in record["converged"]
+            for record in sorted(select(records, place=place), key=itemgetter("samples"))
+            if region in record.get("converged", {})
         }
         ours = found.pop("difference", None)
         if ours is None:
@@ -53,7 +60,9 @@ def _converged(records: list[dict[str, Any]], places: tuple[str, ...], labels: d
         rows.append(row + [_times(found[method], ours) if method in found else "" for method in list(labels)[1:]])
     return (
         "Error at convergence, exact model: RMSE of the means of 8 by 8 pixels, the noise of the images and of the truth "
-        f"taken out, from two renderings with {samples} samples each (in brackets, how many times ours)",
+        f"taken out, from two renderings with {samples} samples each"
+        + "".join(f", of {labels[name]} with {number}" for name, number in longer.items() if name in labels)
+        + " (in brackets, how many times ours)",
         ["place", "region", "truth's own noise (8x8)", *labels.values()],
         rows,
     )

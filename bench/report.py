@@ -27,11 +27,12 @@ objects in it (stock Mitsuba `path`, up to 32 path vertices, through the same ca
 - Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and taken out of
   every squared error. The photograph's noise is not: it is part of what every method is given. Its pixels that show
   lamps have so many rays that the power of a lamp is not a matter of luck.
-- The *error at convergence* is that at the largest budget without any noise. Two images A and B, rendered with different
-  random numbers, are compared with the truth T in the means of blocks of 8 by 8 pixels. The mean over the blocks of
-  (A - T) (B - T), less the variance of T, has the squared error as its expectation: the noise of A and B is independent
-  and drops out, that of T is in both factors and known. What is shown is the root, by the same rule for every method.
-  What a method prepares once for all images, such as the irradiance of surfaces, is the same in A and B: its error counts.
+- The *error at convergence* is that at a method's largest budget without any noise. Two images A and B, rendered with
+  different random numbers, are compared with the truth T in the means of blocks of 8 by 8 pixels. The mean over the
+  blocks of (A - T) (B - T), less the variance of T, has the squared error as its expectation: the noise of A and B is
+  independent and drops out, that of T is in both factors and known. What is shown is the root, by the same rule for every
+  method. What a method prepares once for all images, such as the irradiance of surfaces, is the same in A and B, and its
+  error counts.
 - How uncertain it is (±, one standard deviation) is told by drawing the blocks anew with repetition, 200 times. Where
   that reaches down to 0, the interval is shown instead, and how many times larger others are is given as a bound (>),
   from its upper end. *Truth's own noise* is what would have been in all these figures, had it not been taken out.
@@ -71,7 +72,7 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
         f"Photographs {effort['photograph'][0]} pixels wide with {effort['photograph'][1]} samples, truth with "
         f"{effort['truth_samples']} samples, images {effort['cameras']}, budgets {list(effort['budgets'])} samples, "
         f"{effort['repeats']} runs, object set `{effort['objects']}`."
-        + "".join(f" {labels[name]} once with {samples} samples as well." for name, samples in effort["longer"].items())
+        + "".join(f" {labels[name]} with {samples} samples as well." for name, samples in effort["longer"].items())
         + "\n"
     )
     lines.append("## Summary\n")

@@ -38,8 +38,9 @@ class Effort:
             through ``view``. With the name of a place before it (``court/view``), of that place's alone.
         budgets: samples a pixel that each method is given; the largest is for convergence, and rendered with two seeds
             through the camera ``view``.
-        longer: samples a pixel that some methods are given besides, once, through ``view``: those whose error is mostly
-            noise even at the largest budget, so that when they reach a small error is seen and not guessed.
+        longer: samples a pixel that some methods are given besides, with two seeds as well, through ``view``: those
+            whose error is mostly noise even at the largest budget, so that what stays of it and when they reach a small
+            error is seen and not guessed.
         repeats: how often the other budgets are timed through the camera ``view``; what is denoised, once.
         converged: samples a pixel of the product's methods with wrong models.
         places: names of the places.
@@ -131,8 +132,8 @@ def plan_of(name: str, camera: str, model: str, denoise: bool, effort: Effort) -
         return [(timed, first)]
     if camera != "view":
         return [(timed, first), (largest, first)]
-    longer = [((effort.longer[name],), first)] if name in effort.longer else []
-    return [(timed, first)] * effort.repeats + [(largest, seed) for seed in SEEDS] + longer
+    longer = [(effort.longer[name],)] if name in effort.longer else []
+    return [(timed, first)] * effort.repeats + [(budgets, seed) for budgets in [largest, *longer] for seed in SEEDS]
 
 
 def run(effort: Effort, console: Console) -> dict[str, Any]:

@@ -101,18 +101,27 @@ def test_every_method_renders_the_largest_budget_with_two_seeds(effort) -> None:
 def test_methods_that_are_mostly_noise_are_followed_further() -> None:
     assert min(FULL.longer.values()) > FULL.budgets[-1]
     for method in ("difference", "debevec", "cycles_proxy", "luxcore_catcher"):
-        longest = max(max(budgets) for budgets, _ in plan_of(method, "view", "exact", False, FULL))
+        plan = plan_of(method, "view", "exact", False, FULL)
+        longest = max(max(budgets) for budgets, _ in plan)
         assert longest == FULL.longer.get(method, FULL.budgets[-1])
+        assert [seed for budgets, seed in plan if longest in budgets] == list(SEEDS)
 
 
-def row_of(errors: dict[str, tuple[float, float, float]]) -> list[str]:
-    """The summary's row of methods' errors at convergence, each with its interval; ``difference`` comes first."""
+def row_of(errors: dict[str, tuple[float, float, float]], longer: dict[str, int] | None = None) -> list[str]:
+    """The summary's row of methods' errors at convergence, each with its interval; ``difference`` comes first.
+
+    With 16 samples, those that are followed for ``longer`` have twice the error.
+    """
+    longer = longer or {}
     records = []
     for method, (error, low, high) in errors.items():
         found = {"signed": 0.001, "error": error, "low": low, "high": high, "truth_noise": 0.002}
         record = {"method": method, "place": "room", "model": "exact", "camera": "view", "denoised": False}
+        if method in longer:
+            records.append(record | {"samples": longer[method], "measures": {}, "converged": {"objects": found}})
+            found = found | {"error": 2.0 * error}
         records.append(record | {"samples": 16, "measures": {}, "converged": {"objects": found}})
-    effort = {"places": ["room"], "budgets": [4, 8, 16], "converged": 64}
+    effort = {"places": ["room"], "budgets": [4, 8, 16], "converged": 64, "longer": longer}
     results = {"records": records, "effort": effort, "labels": {method: method for method in errors}}
     table = next(rows for title, _, rows in goals(results) if title.startswith("Error at convergence"))
     assert len(table) == 1
@@ -122,6 +131,11 @@ def row_of(errors: dict[str, tuple[float, float, float]]) -> list[str]:
 def test_the_summary_tells_how_many_times_ours_the_others_errors_are() -> None:
     row = row_of({"difference": (0.0012, 0.001, 0.0014), "a": (0.012, 0.01, 0.02), "b": (0.001, 0.0, 0.003)})
     assert row == ["room", "objects", "0.20 %", "0.12 % ± 0.02", "1.20 % (10.0x)", "0.10 % (0 to 0.30)"]
+
+
+def test_the_summary_takes_the_error_of_what_was_followed_further() -> None:
+    row = row_of({"difference": (0.0012, 0.001, 0.0014), "a": (0.012, 0.01, 0.02)}, {"a": 64})
+    assert row[3:] == ["0.12 % ± 0.02", "1.20 % (10.0x)"]
 
 
 def test_the_summary_gives_a_bound_where_our_error_may_be_none() -> None:
