@@ -33,7 +33,7 @@ class LightImage:
         seed: of the random numbers.
 
     Attributes:
-        count: light paths so far.
+        count: light paths that were followed so far.
     """
 
     def __init__(self, light_paths: LightPaths, view: CameraView, pixels: NDArray[np.uint32], seed: int) -> None:
@@ -53,17 +53,24 @@ class LightImage:
         """How many light paths there are for each path from the camera through one pixel."""
         return dr.opaque(mi.Float, SHARE * len(self._squares))
 
-    def follow(self, paths: int) -> None:
-        """Follow as many light paths as the next ``paths`` from the camera call for."""
+    def follow(self, paths: int) -> list[Arrivals]:
+        """Follow as many light paths as the next ``paths`` from the camera call for.
+
+        Returns:
+            What is to be given to :meth:`add`; the device works on it while other things are prepared.
+        """
         seed, paths_a_sample = dr.opaque(mi.UInt32, self._seed), self.paths_a_sample()
+        brought = []
         left = math.ceil(SHARE * paths)
         while left > 0:
             count, first = min(left, AT_ONCE), dr.opaque(mi.UInt32, self.count)
             randoms = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)
             arrivals = self._light_paths.trace(randoms, self._connect, paths_a_sample)
             dr.eval(arrivals)
-            self.add(arrivals, count)
+            brought.append(arrivals)
+            self.count += count
             left -= count
+        return brought
 
     def _connect(self, point: mi.Point3f, randoms: Randoms) -> Connection:
         """How the camera sees points, world."""
@@ -72,9 +79,8 @@ class LightImage:
         angle = self._camera.pixel_angle(dr.normalize(target - start))
         return Connection(self._origin + self._rotation @ start, film, angle, inside)
 
-    def add(self, arrivals: Arrivals, count: int) -> None:
-        """Add what ``count`` light paths bring."""
-        self.count += count
+    def add(self, arrivals: Arrivals) -> None:
+        """Add what light paths bring."""
         valid = arrivals.valid.numpy()
         column = np.minimum((arrivals.film.x.numpy()[valid] * self._width).astype(np.int64), self._width - 1)
         row = np.minimum((arrivals.film.y.numpy()[valid] * self._height).astype(np.int64), self._height - 1)

@@ -277,10 +277,13 @@ class Rendering:
             self._prepared.place.draw_lights(self._generator, LIGHTS)
             self._lights_served = LIGHTS_SERVE
         self._lights_served -= paths
+        # While the device is at one of these, the next is prepared, which takes about as long where samples are few.
+        arrivals = [] if self._light is None else self._light.follow(paths)
         self._learn(paths)
-        if self._light is not None:
-            self._light.follow(paths)
         sums = self._follow(self.pixels[slots], self._accumulator.taken[slots], counts)
+        if self._light is not None:
+            for each in arrivals:
+                self._light.add(each)
         self._accumulator.add(slots, sums, counts)
         self._error_known = False
         dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.

@@ -94,7 +94,7 @@ def _reversed_sobol(index: mi.UInt32, dimension: int) -> mi.UInt32:
         return index & ((1 << BITS) - 1)
     digits = mi.UInt32(0)
     for bit, number in enumerate(_direction_numbers(*POLYNOMIALS[dimension - 1])):
-        digits ^= dr.select((index >> bit) & 1 != 0, mi.UInt32(number), 0)
+        digits = dr.select((index & (1 << bit)) != 0, digits ^ number, digits)
     return digits
 
 
