@@ -19,9 +19,9 @@ def goals(results: dict[str, Any]) -> Iterator[Table]:
     records = select(results["records"], camera="view", denoised=False)
     effort, labels = results["effort"], results["labels"]
     places, budgets = effort["places"], effort["budgets"]
-    largest = select(records, model="exact", samples=budgets[-1])
-    yield _signed(largest, places, budgets[-1])
-    yield _converged(select(records, model="exact"), places, labels, budgets[-1], effort["longer"])
+    exact = select(records, model="exact")
+    yield _signed(select(exact, samples=budgets[-1]), places, budgets[-1])
+    yield _converged(exact, places, labels, budgets[-1], effort["longer"])
     yield _wrong(records, places, effort["converged"])
     yield from _equal_error(records, places, labels, budgets[1:])
 
@@ -51,7 +51,7 @@ def _converged(
         found = {
             record["method"]: record["converged"][region]
             for record in sorted(select(records, place=place), key=itemgetter("samples"))
-            if region in record.get("converged", {})
+            if region in record["converged"]
         }
         ours = found.pop("difference", None)
         if ours is None:

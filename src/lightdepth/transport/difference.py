@@ -47,13 +47,11 @@ class LastScattering:
         point: where it was, world, metres.
         pdf: density with which its direction was drawn, per steradian; 0 where light sampling could not draw it.
         weight_samples: for how many samples of the map's light there multiple importance sampling took them.
-        widest_pdf: the smallest such density of all scatterings so far that have one; infinite before the first.
     """
 
     point: mi.Point3f
     pdf: mi.Float
     weight_samples: mi.Float
-    widest_pdf: mi.Float
 
 
 @dataclass
@@ -88,10 +86,13 @@ class DifferencePath(Path):
     Attributes:
         difference: which scattered last on a support surface.
         last: their last scattering.
+        widest_pdf: the smallest density with which a scattering so far drew its direction, per steradian, of those that
+            have one; infinite before the first.
     """
 
     difference: mi.Bool
     last: LastScattering
+    widest_pdf: mi.Float
 
 
 class DifferenceIntegrator(Integrator[DifferencePath]):
@@ -137,8 +138,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
     def begin(self, path: Path) -> DifferencePath:
         """As the base says."""
-        last = LastScattering(mi.Point3f(path.ray.o), mi.Float(0.0), mi.Float(1.0), mi.Float(dr.inf))
-        return DifferencePath(**vars(path), difference=mi.Bool(False), last=last)
+        last = LastScattering(mi.Point3f(path.ray.o), mi.Float(0.0), mi.Float(1.0))
+        return DifferencePath(**vars(path), difference=mi.Bool(False), last=last, widest_pdf=mi.Float(dr.inf))
 
     def samples(self, path: DifferencePath) -> CameraSamples:
         """As the base says."""
@@ -237,7 +238,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         last.point = dr.select(through, last.point, point)
         last.pdf = dr.select(through, last.pdf, pdf)
         last.weight_samples = dr.select(through, last.weight_samples, weight_samples)
-        last.widest_pdf = dr.select(through | (pdf == 0.0), last.widest_pdf, dr.minimum(last.widest_pdf, pdf))
+        widest_pdf = dr.select(through | (pdf == 0.0), path.widest_pdf, dr.minimum(path.widest_pdf, pdf))
         # What it blocks was subtracted when it was met, so that what shows through it counts in full.
         difference = mi.Bool(in_difference)
         covered &= ~(through & first)
@@ -246,7 +247,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         ray = leave(point, normal, direction)
         active &= (dr.max(throughput) > 0.0) & (scatters | through)
         return DifferencePath(
-            randoms, ray, active, radiance, throughput, first, covered, depth, cell, odds, difference, last
+            randoms, ray, active, radiance, throughput, first, covered, depth, cell, odds, difference, last, widest_pdf
         )
 
     # -- The terms ----------------------------------------------------------------------------------------------
@@ -304,7 +305,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         """
         here, edge = cache.cell(hit.point, hit.normal)
         cosine = dr.maximum(-dr.dot(hit.normal, path.ray.d), 1e-3)
-        footprint = dr.square(hit.distance) / (path.last.widest_pdf * cosine)
+        footprint = dr.square(hit.distance) / (path.widest_pdf * cosine)
         wide = ~path.first & (footprint > WIDTH * dr.square(edge))
         eligible = on_support & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0) & wide
         asks = cache.learning & (path.cell == NO_CELL)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import drjit as dr
 import mitsuba as mi
@@ -98,7 +99,8 @@ def _reversed_sobol(index: mi.UInt32, dimension: int) -> mi.UInt32:
     return digits
 
 
-def _direction_numbers(degree: int, coefficients: int, first: tuple[int, ...]) -> list[int]:
+@cache  # Every kernel that is traced asks for them.
+def _direction_numbers(degree: int, coefficients: int, first: tuple[int, ...]) -> tuple[int, ...]:
     """What each bit of an index changes in a dimension's binary digits, the first of these in the lowest bit.
 
     Args:
@@ -114,4 +116,4 @@ def _direction_numbers(degree: int, coefficients: int, first: tuple[int, ...]) -
                 number ^= numbers[bit - power] << power
         numbers.append(number)
     # The n-th has n + 1 digits, which are the first ones behind the point.
-    return [int(f"{number:0{bit + 1}b}"[::-1], 2) for bit, number in enumerate(numbers)]
+    return tuple(int(f"{number:0{bit + 1}b}"[::-1], 2) for bit, number in enumerate(numbers))
