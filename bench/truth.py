@@ -155,12 +155,12 @@ def film_rays(
     import mitsuba as mi
 
     from lightdepth.kernel.arrays import aligned
-    from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+    from lightdepth.kernel.variables import as_matrix, as_point
 
     width, height = view.camera.resolution
     chosen = mi.UInt32(aligned(np.arange(width * height) if pixels is None else pixels, np.uint32))
     rays = len(chosen) * per_pixel
-    to_world, origin = opaque_matrix(view.rotation), opaque_point(view.position)
+    to_world, origin = as_matrix(view.rotation), as_point(view.position)
     sampler.set_samples_per_wavefront(per_pixel)
     sampler.seed(seed, rays)
     index = dr.gather(mi.UInt32, chosen, dr.arange(mi.UInt32, rays) // dr.opaque(mi.UInt32, per_pixel))

@@ -16,7 +16,7 @@ from lightdepth.scene.model import CameraView, Scene
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
     from lightdepth.film.rendering import Progress, Rendering
-    from lightdepth.transport.methods import Prepared
+    from lightdepth.preparation import Prepared
 
 __all__ = ["begin_rendering", "load_scene", "render"]
 
@@ -44,7 +44,7 @@ def render(
         camera: name of the camera; the scene's first by default.
         samples: samples per pixel; the scene's own setting by default.
         noise: relative error at which a pixel is done; the scene's own setting by default.
-        method: ``difference``, or another name out of ``lightdepth.transport.methods.METHODS``.
+        method: ``difference``, or another name out of ``lightdepth.preparation.METHODS``.
         seed: of the random numbers; the scene's own setting by default.
         device: ``auto``, ``cpu`` or ``cuda``.
         denoise: denoise the change and the synthetic layer.
@@ -124,7 +124,7 @@ def find_method(name: str) -> Callable[[Scene], Prepared]:
     Raises:
         InputError: there is no method of this name.
     """
-    from lightdepth.transport.methods import METHODS
+    from lightdepth.preparation import METHODS
 
     if name not in METHODS:
         raise InputError(f"method '{name}' is unknown; allowed are {', '.join(METHODS)}")

@@ -15,10 +15,10 @@ from lightdepth.directions import (  # noqa: E402
     pixel_directions,
 )
 from lightdepth.film.plate import render_plate  # noqa: E402
-from lightdepth.kernel.real_surfaces import merge_real_surfaces  # noqa: E402
-from lightdepth.kernel.tracing import TracedSurfaces  # noqa: E402
+from lightdepth.place.place import Place  # noqa: E402
+from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
+from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
 from lightdepth.scene.model import CameraView  # noqa: E402
-from lightdepth.transport.place import Place  # noqa: E402
 from tests.transport.places import CAPTURE, HIGH, room  # noqa: E402
 
 LEVEL = np.zeros(3)

@@ -21,9 +21,9 @@ from lightdepth.scene.model import (
     SyntheticObject,
     SyntheticPart,
 )
+from tests.recovery.test_irradiance import corner_factor
 from tests.scene.gltf_writer import gltf_document, write_glb
 from tests.transport.places import CAPTURE, GREY, HIGH, LOW, ball, box_depth, lamp_image, picture, room
-from tests.transport.test_irradiance import corner_factor
 
 FLOOR_RADIANCE = 0.2
 """Of the floor in walls of radiance 1: its albedo is 0.2 then, for E = pi."""

@@ -7,10 +7,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.bands import Band, bands
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.kernel.row_bands import Band, bands
+from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.preparation import Prepared
 from lightdepth.scene.model import CameraView
-from lightdepth.transport.methods import Prepared
 
 SUBPIXELS = 2
 """Points along each side of a pixel over which normal and albedo are averaged."""
@@ -30,7 +30,7 @@ def render_auxiliary(
     # As the file has them, of half precision and normals plane by plane: of a large image, this counts.
     normal = np.moveaxis(np.empty((3, height, width), np.float16), 0, -1)
     albedo = np.empty((height, width, 3), np.float16)
-    origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
+    origin, rotation = as_point(view.position), as_matrix(view.rotation)
     for band in bands(width, height):
 
         def rays(offset: mi.Point2f, band: Band = band) -> tuple[mi.Ray3f, mi.Bool]:

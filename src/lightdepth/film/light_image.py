@@ -9,10 +9,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.place.light_list import LightList
 from lightdepth.scene.model import CameraView
-from lightdepth.transport.light_paths import Arrivals, Connection, LightPaths
-from lightdepth.transport.randoms import Randoms, begin_path
+from lightdepth.transport.light_tracing import Connection, LightTracer, Splats
+from lightdepth.transport.sampler import Sampler, begin_path
 
 SHARE = 0.5
 """Paths from the light for each path from the camera;"""
@@ -27,7 +28,7 @@ class LightImage:
     """Sums over light paths for a list of n pixels.
 
     Args:
-        light_paths: how they go.
+        light_tracer: how they go.
         view: the camera.
         pixels: row-major indices, ascending, shape (n,), uint32.
         seed: of the random numbers.
@@ -36,10 +37,10 @@ class LightImage:
         count: light paths that were followed so far.
     """
 
-    def __init__(self, light_paths: LightPaths, view: CameraView, pixels: NDArray[np.uint32], seed: int) -> None:
-        self._light_paths, self._camera, self._seed = light_paths, view.camera, seed ^ SEED
-        self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
-        self._to_camera = opaque_matrix(view.rotation.T)
+    def __init__(self, light_tracer: LightTracer, view: CameraView, pixels: NDArray[np.uint32], seed: int) -> None:
+        self._light_tracer, self._camera, self._seed = light_tracer, view.camera, seed ^ SEED
+        self._origin, self._rotation = as_point(view.position), as_matrix(view.rotation)
+        self._to_camera = as_matrix(view.rotation.T)
         self._width, self._height = view.camera.resolution
         self._slots: NDArray[np.uint32] | None = None
         if len(pixels) < self._width * self._height:
@@ -53,7 +54,7 @@ class LightImage:
         """How many light paths there are for each path from the camera through one pixel."""
         return dr.opaque(mi.Float, SHARE * len(self._squares))
 
-    def follow(self, paths: int) -> list[Arrivals]:
+    def follow(self, lights: LightList, paths: int) -> list[Splats]:
         """Follow as many light paths as the next ``paths`` from the camera call for.
 
         Returns:
@@ -64,22 +65,22 @@ class LightImage:
         left = math.ceil(SHARE * paths)
         while left > 0:
             count, first = min(left, AT_ONCE), dr.opaque(mi.UInt32, self.count)
-            randoms = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)
-            arrivals = self._light_paths.trace(randoms, self._connect, paths_a_sample)
+            sampler = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)
+            arrivals = self._light_tracer.trace(sampler, lights, self._connect, paths_a_sample)
             dr.eval(arrivals)
             brought.append(arrivals)
             self.count += count
             left -= count
         return brought
 
-    def _connect(self, point: mi.Point3f, randoms: Randoms) -> Connection:
+    def _connect(self, point: mi.Point3f, sampler: Sampler) -> Connection:
         """How the camera sees points, world."""
         target = mi.Point3f(self._to_camera @ (point - self._origin))
-        start, film, inside = self._camera.film_points(target, mi.Point2f(randoms.next(), randoms.next()))
+        start, film, inside = self._camera.film_points(target, mi.Point2f(sampler.next_1d(), sampler.next_1d()))
         angle = self._camera.pixel_angle(dr.normalize(target - start))
         return Connection(self._origin + self._rotation @ start, film, angle, inside)
 
-    def add(self, arrivals: Arrivals) -> None:
+    def add(self, arrivals: Splats) -> None:
         """Add what light paths bring."""
         valid = arrivals.valid.numpy()
         column = np.minimum((arrivals.film.x.numpy()[valid] * self._width).astype(np.int64), self._width - 1)

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Equirectangular
 from lightdepth.kernel.arrays import aligned
-from lightdepth.kernel.bands import bands
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.place.place import Place
 from lightdepth.scene.model import CameraView, Panorama
-from lightdepth.transport.place import Place
 
 MOST_SUBPIXELS = 8
 
@@ -49,7 +49,7 @@ def render_plate(
     subpixels = 1 if draft else _subpixels(view, place)
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
-    origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
+    origin, rotation = as_point(view.position), as_matrix(view.rotation)
     for band in bands(width, height):
         total, share = dr.zeros(mi.Color3f, dr.width(band.row)), dr.zeros(mi.Float, dr.width(band.row))
         dr.make_opaque(total, share)  # Literal zeros would need a kernel of their own.

@@ -20,11 +20,12 @@ from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import render_plate
 from lightdepth.film.selection import influenced_pixels
 from lightdepth.kernel.arrays import aligned
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
+from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.place.light_list import LightList
+from lightdepth.preparation import Prepared
 from lightdepth.scene.model import CameraView, Scene
 from lightdepth.transport.integrator import CameraSums
-from lightdepth.transport.methods import Prepared
-from lightdepth.transport.randoms import Randoms, begin_path
+from lightdepth.transport.sampler import Sampler, begin_path
 
 PATHS = 1 << 21
 """Paths of one pass; more gain no speed."""
@@ -96,17 +97,18 @@ class Rendering:
     def __init__(self, scene: Scene, prepared: Prepared, view: CameraView, method: str, seed: int) -> None:
         self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
         self._width, self._height = view.camera.resolution
-        self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
+        self._origin, self._rotation = as_point(view.position), as_matrix(view.rotation)
         self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place, draft=scene.render.draft)
         self.pixels = influenced_pixels(view, prepared)
         plate = self.plate.reshape(-1, 3)
-        light_paths = prepared.integrator.light_paths
-        self._light = None if light_paths is None else LightImage(light_paths, view, self.pixels, seed)
+        light_tracer = prepared.integrator.light_tracer
+        self._light = None if light_tracer is None else LightImage(light_tracer, view, self.pixels, seed)
         self._accumulator = Accumulator(plate, self.pixels, self._light)
         some = plate[self.pixels[:: max(1, len(self.pixels) >> 16)]]
         self._dark = DARK * float(np.median(some.mean(axis=1))) + 1e-12 if len(some) else 1.0
         self._generator = np.random.default_rng(seed)
         self._lights_served = 0
+        self._lights: LightList | None = None
         self._cache = prepared.integrator.new_cache()
         self._learning_due = 0.0
         self._error, self._error_known, self._error_time = 0.0, False, -math.inf
@@ -273,14 +275,11 @@ class Rendering:
     def _sample(self, slots: NDArray[np.int64], counts: NDArray[np.int32]) -> None:
         """One pass: ``counts`` samples for each of ``slots``."""
         paths = int(counts.sum(dtype=np.int64))
-        if self._lights_served <= 0:
-            self._prepared.place.draw_lights(self._generator, LIGHTS)
-            self._lights_served = LIGHTS_SERVE
-        self._lights_served -= paths
+        lights = self._light_list(paths)
         # While the device is at one of these, the next is prepared, which takes about as long where samples are few.
-        arrivals = [] if self._light is None else self._light.follow(paths)
-        self._learn(paths)
-        sums = self._follow(self.pixels[slots], self._accumulator.taken[slots], counts)
+        arrivals = [] if self._light is None else self._light.follow(lights, paths)
+        self._learn(lights, paths)
+        sums = self._follow(lights, self.pixels[slots], self._accumulator.taken[slots], counts)
         if self._light is not None:
             for each in arrivals:
                 self._light.add(each)
@@ -288,7 +287,15 @@ class Rendering:
         self._error_known = False
         dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
 
-    def _learn(self, paths: int) -> None:
+    def _light_list(self, paths: int) -> LightList:
+        """The light samples for the next ``paths`` camera paths: new ones once the last have served enough."""
+        if self._lights is None or self._lights_served <= 0:
+            self._lights = self._prepared.place.presample_lights(self._generator, LIGHTS)
+            self._lights_served = LIGHTS_SERVE
+        self._lights_served -= paths
+        return self._lights
+
+    def _learn(self, lights: LightList, paths: int) -> None:
         """Let as many paths learn as the next ``paths`` that estimate pixels call for."""
         if self._cache is None:
             return
@@ -302,26 +309,26 @@ class Rendering:
         pixels = self._generator.choice(self.pixels, lanes)
         with self._cache.learn(lanes * LEARNING_PATHS):
             first = self._generator.integers(1 << 32, size=lanes)
-            self._follow(pixels, first, np.full(lanes, LEARNING_PATHS))
+            self._follow(lights, pixels, first, np.full(lanes, LEARNING_PATHS))
 
     def _follow(
-        self, pixels: NDArray[np.uint32], first: NDArray[np.integer], counts: NDArray[np.integer]
+        self, lights: LightList, pixels: NDArray[np.uint32], first: NDArray[np.integer], counts: NDArray[np.integer]
     ) -> CameraSums:
         """Follow ``counts`` paths for each pixel, from its sample number ``first`` on."""
         pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in (pixels, first, counts))
         seed, camera = dr.opaque(mi.UInt32, self._seed), self._view.camera
         paths_a_sample = mi.Float(0.0) if self._light is None else self._light.paths_a_sample()
 
-        def camera_rays(number: mi.UInt32) -> tuple[Randoms, mi.Ray3f, mi.Bool, mi.Float]:
-            randoms = begin_path(pixel, offset + number, seed)
-            x, y = randoms.spread("film")
+        def camera_rays(number: mi.UInt32) -> tuple[Sampler, mi.Ray3f, mi.Bool, mi.Float]:
+            sampler = begin_path(pixel, offset + number, seed)
+            x, y = sampler.stratified("film")
             film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)
             film.y = (mi.Float(pixel // self._width) + y) / self._height
-            start, direction, inside = camera.camera_rays(film, mi.Point2f(randoms.spread("lens")))
+            start, direction, inside = camera.camera_rays(film, mi.Point2f(sampler.stratified("lens")))
             ray = mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction)
-            return randoms, ray, inside, camera.pixel_angle(direction) * paths_a_sample
+            return sampler, ray, inside, camera.pixel_angle(direction) * paths_a_sample
 
-        sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, self._cache)
+        sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, lights, self._cache)
         dr.eval(sums)
         return sums
 

@@ -7,11 +7,11 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.bands import bands
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
-from lightdepth.kernel.real_surfaces import FaceKind
+from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.preparation import Prepared
 from lightdepth.scene.model import CameraView
-from lightdepth.transport.methods import Prepared
 
 TILE = 8
 """Pixels along the side of the tiles that are kept or skipped as a whole."""
@@ -29,7 +29,7 @@ def influenced_pixels(view: CameraView, prepared: Prepared) -> NDArray[np.uint32
         return np.zeros(0, np.uint32)
     columns, rows = -(-width // TILE), -(-height // TILE)
     kept = np.zeros((rows, columns), bool)
-    origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
+    origin, rotation = as_point(view.position), as_matrix(view.rotation)
     for band in bands(columns, rows):
         reached = mi.Bool(False)
         middle, corners = None, []

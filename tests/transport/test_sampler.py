@@ -12,7 +12,7 @@ start("cpu")
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
-from lightdepth.transport.randoms import DIMENSIONS, _reversed_sobol, begin_path  # noqa: E402
+from lightdepth.transport.sampler import DIMENSIONS, _reversed_sobol, begin_path  # noqa: E402
 
 NAMES = list(DIMENSIONS)
 COUNT = sum(len(each) for each in DIMENSIONS.values())
@@ -22,8 +22,8 @@ def spread(pixels, first, samples, seed=3):
     """All dimensions for pixels of shape (n,) and ``samples`` samples from ``first`` on: shape (n, samples, dimensions)."""
     lane = dr.arange(mi.UInt32, len(pixels) * samples)
     pixel = dr.gather(mi.UInt32, mi.UInt32(np.uint32(pixels)), lane // samples)
-    randoms = begin_path(pixel, lane % samples + first, mi.UInt32(seed))
-    columns = [number.numpy() for name in NAMES for number in randoms.spread(name)]
+    sampler = begin_path(pixel, lane % samples + first, mi.UInt32(seed))
+    columns = [number.numpy() for name in NAMES for number in sampler.stratified(name)]
     return np.stack(columns, axis=-1).reshape(len(pixels), samples, COUNT).astype(np.float64)
 
 

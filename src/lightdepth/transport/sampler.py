@@ -26,7 +26,7 @@ BITS = 16
 
 
 @dataclass
-class Randoms:
+class Sampler:
     """Random numbers of a path.
 
     The first scattering decides most of a pixel's noise, so its choices, with the place on the film, are the dimensions
@@ -43,17 +43,17 @@ class Randoms:
     pixel: mi.UInt32
     index: mi.UInt32
 
-    def next(self, active: mi.Bool | bool = True) -> mi.Float:
+    def next_1d(self, active: mi.Bool | bool = True) -> mi.Float:
         """An independent number, uniform in [0, 1)."""
         return self.generator.next_float32(active)
 
     def direction(self, first: mi.Bool, active: mi.Bool) -> tuple[mi.Float, mi.Float, mi.Float]:
         """Three numbers to draw a direction with, well spread at the ``first`` scattering."""
-        x, y, z = self.spread("direction")
-        choice = dr.select(first, x, self.next(active))
-        return choice, dr.select(first, y, self.next(active)), dr.select(first, z, self.next(active))
+        x, y, z = self.stratified("direction")
+        choice = dr.select(first, x, self.next_1d(active))
+        return choice, dr.select(first, y, self.next_1d(active)), dr.select(first, z, self.next_1d(active))
 
-    def spread(self, name: str) -> list[mi.Float]:
+    def stratified(self, name: str) -> list[mi.Float]:
         """Numbers in [0, 1) that are well spread over the pixel's samples.
 
         Args:
@@ -69,13 +69,13 @@ class Randoms:
         return numbers
 
 
-def begin_path(pixel: mi.UInt32, index: mi.UInt32, seed: mi.UInt32) -> Randoms:
+def begin_path(pixel: mi.UInt32, index: mi.UInt32, seed: mi.UInt32) -> Sampler:
     """Random numbers for sample ``index`` of ``pixel``; the same arguments give the same numbers."""
     first, second = mi.sample_tea_32(pixel, index)
     third, fourth = mi.sample_tea_32(seed, mi.UInt32(0))
     generator = mi.PCG32()
     generator.seed(mi.UInt64(first ^ third), mi.UInt64(second ^ fourth))
-    return Randoms(generator, pixel ^ third, index)
+    return Sampler(generator, pixel ^ third, index)
 
 
 def _scrambled(digits: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:

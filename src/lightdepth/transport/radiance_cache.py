@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned, aligned_empty
-from lightdepth.transport.bounds import ObjectBounds
+from lightdepth.place.object_bounds import ObjectBounds
 
 EDGE = 0.5
 """Edge of a cell, at most, relative to the distance to the nearest object."""
@@ -38,7 +38,7 @@ CORNERS = np.array(
 """The bits of a cell's number that tell which of eight neighbours it is."""
 
 
-class ChangeCache:
+class RadianceCache:
     """Mean change of a white surface's radiance, ``1/pi`` times that of its irradiance, by cell.
 
     Args:

@@ -12,10 +12,10 @@ import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
 from lightdepth.directions import pixel_solid_angles  # noqa: E402
-from lightdepth.kernel.real_surfaces import merge_real_surfaces  # noqa: E402
-from lightdepth.kernel.tracing import TracedSurfaces, shadow_ray  # noqa: E402
-from lightdepth.lightmap.distribution import MapDistribution, hilbert_curve  # noqa: E402
-from lightdepth.transport.place import Place  # noqa: E402
+from lightdepth.place.map_distribution import MapDistribution, hilbert_curve  # noqa: E402
+from lightdepth.place.place import Place  # noqa: E402
+from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
+from lightdepth.place.traced_surfaces import TracedSurfaces, shadow_ray  # noqa: E402
 from tests.transport.places import CAPTURE, HIGH, LOW, lamp_image, room  # noqa: E402
 
 BINS = (16, 32)
@@ -59,9 +59,9 @@ def expected_shares(place, point, per_side=2048):
     "point", [CAPTURE, CAPTURE + [1.5, 1.2, -1.0], LOW + [0.4, 0.4, 0.05], HIGH - [0.3, 0.3, 0.3]], ids=str
 )
 def test_samples_follow_the_density_from_any_point(place, point):
-    place.draw_lights(np.random.default_rng(5), 1 << 18)
+    lights = place.presample_lights(np.random.default_rng(5), 1 << 18)
     number = 1 << 18
-    light = place.light((dr.arange(mi.Float, number) + 0.5) / number, mi.Bool(True))
+    light = lights.sample((dr.arange(mi.Float, number) + 0.5) / number, mi.Bool(True))
     direction, distance, pdf = place.toward(light, mi.Point3f(point))
     free = ~place.surfaces.real.ray_test(shadow_ray(mi.Point3f(point), direction, direction, distance))
     kept = (free & (pdf > 0.0)).numpy()
@@ -78,9 +78,9 @@ def test_samples_follow_the_density_from_any_point(place, point):
 
 def test_light_samples_and_lookups_agree(place):
     """What a light sample says of itself is what a ray toward it finds: radiance, and eval / pdf."""
-    place.draw_lights(np.random.default_rng(6), 4096)
+    lights = place.presample_lights(np.random.default_rng(6), 4096)
     point = mi.Point3f(CAPTURE + [0.9, -0.7, -0.5])
-    light = place.light((dr.arange(mi.Float, 4096) + 0.5) / 4096, mi.Bool(True))
+    light = lights.sample((dr.arange(mi.Float, 4096) + 0.5) / 4096, mi.Bool(True))
     direction, distance, pdf = place.toward(light, point)
     hit = place.surfaces.first_real(mi.Ray3f(point, direction), mi.Bool(True))
     radiance, looked_up = place.seen(hit, direction, hit.distance, mi.Bool(True))

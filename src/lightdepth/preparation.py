@@ -10,18 +10,18 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
-from lightdepth.kernel.real_surfaces import merge_real_surfaces
 from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
-from lightdepth.kernel.tracing import TracedSurfaces
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import merge_real_surfaces
+from lightdepth.place.traced_surfaces import TracedSurfaces
+from lightdepth.recovery.support_irradiance import IrradianceReport, recover_irradiance
+from lightdepth.recovery.unseen_albedo import recover_hidden
 from lightdepth.scene.model import RealSurface, Role, Scene
-from lightdepth.transport.bounds import ObjectBounds
 from lightdepth.transport.difference import DifferenceIntegrator
 from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
-from lightdepth.transport.hidden import recover_hidden
 from lightdepth.transport.integrator import Integrator
-from lightdepth.transport.place import Place
-from lightdepth.transport.recovered_albedo import IrradianceReport, recover_irradiance
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned
-from lightdepth.kernel.tracing import leave, shadow_ray
-from lightdepth.transport.place import Place
-from lightdepth.transport.support import SpecularLobes, SupportScattering
+from lightdepth.place.light_list import LightList
+from lightdepth.place.place import Place
+from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
+from lightdepth.place.traced_surfaces import leave, shadow_ray
 
 LANES = 1 << 21
 LIGHT_SAMPLES = 1 << 16
@@ -92,7 +93,7 @@ def _estimate(
     each = dr.opaque(mi.UInt32, half)  # Not a literal, which would compile anew for every number.
     results = np.zeros((2, len(points), 3))
     for result in results:
-        place.draw_lights(generator, min(LIGHT_SAMPLES, LIGHTS_PER_SAMPLE * samples))
+        lights = place.presample_lights(generator, min(LIGHT_SAMPLES, LIGHTS_PER_SAMPLE * samples))
         for chunk in np.array_split(np.arange(len(points)), max(1, -(-len(points) * half // LANES))):
             lane = dr.arange(mi.UInt32, len(chunk) * half)
             owner = lane // each
@@ -103,7 +104,7 @@ def _estimate(
             point = dr.gather(mi.Point3f, mi.Float(aligned(points[chunk])), owner)
             shifts = mi.Float(aligned(generator.random(4 * len(chunk), dtype=np.float32)))
             shift = dr.gather(mi.Vector4f, shifts, owner)
-            value = _scattered(place, point, normal, lobe, mi.Float(lane % each), shift, mi.Float(each))
+            value = _scattered(place, lights, point, normal, lobe, mi.Float(lane % each), shift, mi.Float(each))
             dr.eval(value)  # At once: each channel by itself would trace all rays again.
             result[chunk] = np.stack([dr.block_sum(channel, half).numpy() for channel in value], axis=1) / half
     mean = results.mean(axis=0)
@@ -114,6 +115,7 @@ def _estimate(
 
 def _scattered(
     place: Place,
+    lights: LightList,
     point: mi.Point3f,
     normal: mi.Vector3f,
     lobe: SupportScattering,
@@ -122,7 +124,7 @@ def _scattered(
     samples: mi.Float,
 ) -> mi.Color3f:
     """One sample of each technique for sample ``number`` of ``samples``, shifted at random from point to point."""
-    light = place.light((number + shift.x) / samples, mi.Bool(True))
+    light = lights.sample((number + shift.x) / samples, mi.Bool(True))
     direction, distance, pdf_light = place.toward(light, point)
     scattered, pdf = lobe.evaluate(direction)
     useful = (dr.max(scattered) > 0.0) & (pdf_light > 0.0)

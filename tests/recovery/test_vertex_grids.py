@@ -13,12 +13,12 @@ import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
 from lightdepth.kernel.arrays import aligned_columns  # noqa: E402
-from lightdepth.kernel.real_surfaces import merge_real_surfaces  # noqa: E402
-from lightdepth.kernel.tracing import TracedSurfaces  # noqa: E402
+from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
+from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
+from lightdepth.recovery.mesh_components import with_refined  # noqa: E402
+from lightdepth.recovery.mesh_refinement import RefinedMesh, close_marks, find_edges  # noqa: E402
+from lightdepth.recovery.vertex_grids import lay_out  # noqa: E402
 from lightdepth.scene.model import Mesh, RealSurface, Role  # noqa: E402
-from lightdepth.transport.grids import lay_out  # noqa: E402
-from lightdepth.transport.pieces import with_refined  # noqa: E402
-from lightdepth.transport.refinement import RefinedMesh, close_marks, find_edges  # noqa: E402
 
 FLOOR = np.float32([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 2.0, 0.0], [0.0, 2.0, 0.0]])
 HALVES = np.int32([[0, 1, 2], [0, 2, 3]])

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
-from lightdepth.transport.refinement import RefinedMesh
+from lightdepth.recovery.mesh_refinement import RefinedMesh
 
 TRIANGLE = 8
 """Nodes that take as much memory, and so time, as a triangle that is traced."""

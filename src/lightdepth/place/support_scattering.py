@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.place.object_bounds import Cones
 from lightdepth.scene.model import Gloss
-from lightdepth.transport.bounds import Cones
 
 GLOSSY_SHARE = 0.5
 """Share of the scattered rays that sample the specular lobe of a glossy surface."""

@@ -9,26 +9,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import drjit as dr
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
-from lightdepth.kernel.tracing import RealHit, TracedSurfaces
-from lightdepth.scene.meshes.geometry import face_areas
-from lightdepth.transport.adaptive_irradiance import DARK, estimate_on_mesh, share_of_view
-from lightdepth.transport.bounds import Sphere
-from lightdepth.transport.grids import lay_out
-from lightdepth.transport.irradiance import estimate_irradiance, estimate_mirrored
-from lightdepth.transport.pieces import separate, wind_toward_capture, with_refined
-from lightdepth.transport.place import Place
-from lightdepth.transport.refinement import RefinedMesh
-from lightdepth.transport.support import SpecularLobes
+from lightdepth.place.object_bounds import Sphere
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
+from lightdepth.place.support_scattering import SpecularLobes
+from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
+from lightdepth.recovery.irradiance_mesh import DARK, estimate_on_mesh, share_of_view
+from lightdepth.recovery.mesh_components import separate, wind_toward_capture, with_refined
+from lightdepth.recovery.mesh_refinement import RefinedMesh
+from lightdepth.recovery.vertex_grids import lay_out
+from lightdepth.scene.meshes.geometry import face_areas, face_normals
 
 CHECK_POINTS = 512
-GLOWING = 1.5
-"""Ratio ``pi M / E`` above which a support surface is taken to shine by itself."""
 
 
 @dataclass(frozen=True)
@@ -118,29 +113,3 @@ def _check(
     # The careful estimate's own noise is in the difference as well.
     error = np.sqrt(np.maximum(np.square(found - wanted) - np.square(noise * wanted), 0.0))
     return IrradianceReport(len(points), float(error.sum() / wanted.sum()), float(np.quantile(error / wanted, 0.95)))
-
-
-def recovered_reflectance(
-    place: Place, surfaces: TracedSurfaces, hit: RealHit, active: mi.Bool
-) -> tuple[mi.Color3f, mi.Color3f]:
-    """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``."""
-    radiance = place.surface_radiance(hit, active)
-    rho, specular_scale = reflectance(radiance, surfaces.irradiance(hit, active), surfaces.mirrored(hit, active))
-    return rho & active, specular_scale & active
-
-
-def reflectance(radiance: mi.Color3f, irradiance: mi.Color3f, mirrored: mi.Color3f) -> tuple[mi.Color3f, mi.Color3f]:
-    """Recovered albedo ``rho`` and the factor on the specular lobe, per channel (theory, eq. 6).
-
-    A ratio a little above 1 is noise of the photograph or the geometry and is clamped; one above ``GLOWING`` in any
-    channel means that the surface glows by itself, or that the geometry is wrong: it scatters nothing.
-
-    Args:
-        radiance: M at points of support.
-        irradiance: E there.
-        mirrored: S there, 0 without gloss.
-    """
-    ratio = dr.pi * dr.maximum(radiance - mirrored, 0.0) / dr.maximum(irradiance, 1e-20)
-    glowing = dr.max(ratio) > GLOWING
-    specular_scale = dr.minimum(radiance / dr.maximum(mirrored, 1e-20), 1.0)
-    return dr.select(glowing, 0.0, dr.minimum(ratio, 1.0)), dr.select(glowing, 0.0, specular_scale)

@@ -13,13 +13,14 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.real_surfaces import FaceKind
-from lightdepth.kernel.tracing import TracedSurfaces, leave, shadow_ray
-from lightdepth.transport.bounds import ObjectBounds
-from lightdepth.transport.place import Place
-from lightdepth.transport.randoms import Randoms
-from lightdepth.transport.recovered_albedo import recovered_reflectance
-from lightdepth.transport.support import SpecularLobes, SupportScattering
+from lightdepth.place.light_list import LightList
+from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.place.reflectance import recovered_reflectance
+from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
+from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
+from lightdepth.transport.sampler import Sampler
 
 ROULETTE_DEPTH = 4
 """Scatterings on objects before paths are ended by the share of light that objects leave them."""
@@ -45,12 +46,12 @@ class Connection:
     seen: mi.Bool
 
 
-Connect = Callable[[mi.Point3f, Randoms], Connection]
+Connect = Callable[[mi.Point3f, Sampler], Connection]
 """From points, world, to how the camera sees them."""
 
 
 @dataclass
-class Arrivals:
+class Splats:
     """What light paths bring to the image.
 
     Attributes:
@@ -71,11 +72,12 @@ class LightPath:
     """Paths on their way.
 
     Attributes:
-        randoms: their random numbers.
+        sampler: their random numbers.
         ray: where they go, world.
         active: which are still on objects.
         flux: what they carry, watts.
-        odds: the factor of the odds (:meth:`LightPaths.weight`) that their light and their first scattering decide.
+        pdf_ratio: the factor of the pdf ratio (:meth:`LightTracer.weight`) that their light and their first scattering
+            decide.
         light_density: of their light, over the cosine at its surface, per square metre; of sky, per steradian.
         finite: false where they come from the sky.
         scatterings: so far, all on objects.
@@ -83,11 +85,11 @@ class LightPath:
         found: where their ray has led these.
     """
 
-    randoms: Randoms
+    sampler: Sampler
     ray: mi.Ray3f
     active: mi.Bool
     flux: mi.Color3f
-    odds: mi.Float
+    pdf_ratio: mi.Float
     light_density: mi.Float
     finite: mi.Bool
     scatterings: mi.UInt32
@@ -95,7 +97,7 @@ class LightPath:
     found: mi.PreliminaryIntersection3f
 
 
-class LightPaths:
+class LightTracer:
     """Light by way of objects to the support, or the object, that the camera sees.
 
     Args:
@@ -124,10 +126,10 @@ class LightPaths:
     # -- Which technique is taken how far ------------------------------------------------------------------------
 
     @staticmethod
-    def odds_at_first(
+    def pdf_ratio_at_first(
         pixel: mi.Float, distance: mi.Float, cosine: mi.Float, onward_cosine: mi.Float, pdf: mi.Float
     ) -> mi.Float:
-        """The factor of the odds that the camera and the surface that it sees decide.
+        """The factor of the pdf ratio that the camera and the surface that it sees decide.
 
         Args:
             pixel: solid angle of the pixel, steradians, times the light paths for each path from the camera.
@@ -141,7 +143,7 @@ class LightPaths:
 
     def camera_weight(
         self,
-        odds: mi.Float,
+        pdf_ratio: mi.Float,
         light: mi.Vector3f,
         finite: mi.Bool,
         pdf: mi.Float,
@@ -153,7 +155,8 @@ class LightPaths:
         """Weight of paths from the camera that have come to an object and from there to a light.
 
         Args:
-            odds: the factor of the odds that the first of their surfaces decided; 0 where no light path does the same.
+            pdf_ratio: the factor of the pdf ratio that the first of their surfaces decided; 0 where no light path does
+                the same.
             light: where it is, world, metres where ``finite``; of sky the direction toward it.
             finite: false for sky.
             pdf: density with which light sampling at ``point`` finds it, per steradian.
@@ -165,7 +168,7 @@ class LightPaths:
         """
         beams = self.lit.beams(light, finite)
         density = pdf * beams.pdf(point, -direction) * dr.select(finite, dr.rcp(dr.square(distance)), 1.0)
-        return self.weight(odds * (density * self._scattered_share(scattering_pdf, pdf)))
+        return self.weight(pdf_ratio * (density * self._scattered_share(scattering_pdf, pdf)))
 
     def _scattered_share(self, scattering_pdf: mi.Float, pdf: mi.Float) -> mi.Float:
         """Share of the paths from the camera that scattering, and not light sampling, sends to a light."""
@@ -173,29 +176,30 @@ class LightPaths:
         return dr.select(scattering_pdf > 0.0, scattering_pdf / dr.maximum(both, 1e-20), 1.0)
 
     @staticmethod
-    def weight(odds: mi.Float) -> mi.Float:
+    def weight(pdf_ratio: mi.Float) -> mi.Float:
         """Weight of the path from the camera where one from the light is so many times as likely (power heuristic)."""
-        return dr.rcp(1.0 + dr.square(dr.minimum(odds, 1e15)))
+        return dr.rcp(1.0 + dr.square(dr.minimum(pdf_ratio, 1e15)))
 
     # -- Paths ---------------------------------------------------------------------------------------------------
 
-    def trace(self, randoms: Randoms, connect: Connect, per_path: mi.Float) -> Arrivals:
+    def trace(self, sampler: Sampler, lights: LightList, connect: Connect, per_path: mi.Float) -> Splats:
         """Follow paths from the light samples of the place, one in each lane.
 
         Args:
-            randoms: their random numbers.
+            sampler: their random numbers.
+            lights: light samples of the place.
             connect: the camera.
             per_path: light paths for each path from the camera through one pixel.
         """
-        return self._seen(self._scattered_on_objects(self._emitted(randoms)), connect, per_path)
+        return self._seen(self._scattered_on_objects(self._emitted(sampler, lights)), connect, per_path)
 
-    def _emitted(self, randoms: Randoms) -> LightPath:
+    def _emitted(self, sampler: Sampler, lights: LightList) -> LightPath:
         """Paths that leave the light toward the objects."""
-        count = dr.width(randoms.index)
-        number = mi.Float(dr.arange(mi.UInt32, count)) + randoms.next()
-        light = self.place.light(number / dr.opaque(mi.Float, count), mi.Bool(True))
+        count = dr.width(sampler.index)
+        number = mi.Float(dr.arange(mi.UInt32, count)) + sampler.next_1d()
+        light = lights.sample(number / dr.opaque(mi.Float, count), mi.Bool(True))
         beams = self.lit.beams(light.place, light.finite)
-        origin, direction = beams.sample(randoms.next(), mi.Point2f(randoms.next(), randoms.next()))
+        origin, direction = beams.sample(sampler.next_1d(), mi.Point2f(sampler.next_1d(), sampler.next_1d()))
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)
         density = light_density * beams.pdf(origin, direction)
@@ -210,11 +214,11 @@ class LightPaths:
         ray = mi.Ray3f(origin, direction)
         ray = dr.select(light.finite, leave(origin, light.normal, direction), ray)
         return LightPath(
-            randoms,
+            sampler,
             ray,
             active,
             flux=light.radiance / dr.maximum(density, 1e-20),
-            odds=mi.Float(density),
+            pdf_ratio=mi.Float(density),
             light_density=mi.Float(light_density),
             finite=mi.Bool(light.finite),
             scatterings=mi.UInt32(0),
@@ -231,7 +235,7 @@ class LightPaths:
 
     def _advance(self, path: LightPath) -> LightPath:
         """Follow paths to what they meet next; if it is an object, scatter them, or end them there."""
-        randoms, ray, active = path.randoms, path.ray, mi.Bool(path.active)
+        sampler, ray, active = path.sampler, path.ray, mi.Bool(path.active)
         context = mi.BSDFContext(mi.TransportMode.Importance)
         first = path.scatterings == 0
         found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
@@ -242,9 +246,9 @@ class LightPaths:
         material = materials.number(si, on_synthetic)
         smooth = mi.has_flag(materials.flags(material, on_synthetic), mi.BSDFFlags.Smooth)
         may_end = on_synthetic & ~first & smooth
-        ends = may_end & (randoms.next(active) < ENDING_SHARE)
+        ends = may_end & (sampler.next_1d(active) < ENDING_SHARE)
         arrived = (on_real & ~first) | ends
-        choice, position = randoms.next(active), mi.Point2f(randoms.next(active), randoms.next(active))
+        choice, position = sampler.next_1d(active), mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
         drawn, weight = materials.sample(material, context, si, choice, position, on_synthetic)
         direction = si.to_world(drawn.wo)
         # Shading normals make scattering asymmetric: what they would do to the path from the camera.
@@ -257,12 +261,12 @@ class LightPaths:
         _, scattering_pdf = materials.eval_pdf(material, mi.BSDFContext(), turned, si.wi, on_synthetic & first)
         scattering_pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, scattering_pdf)
         light_pdf = path.light_density * dr.select(path.finite, dr.squared_norm(si.p - ray.o), 1.0)
-        odds = path.odds * dr.select(first, self._scattered_share(scattering_pdf, light_pdf), 1.0)
+        pdf_ratio = path.pdf_ratio * dr.select(first, self._scattered_share(scattering_pdf, light_pdf), 1.0)
 
         survival = dr.clip(dr.max(weight), 0.0, LARGEST_SURVIVAL)
         survival = dr.select(path.scatterings >= ROULETTE_DEPTH, survival, 1.0)
         scattered = on_synthetic & ~ends & (dr.max(scattered_flux) > 0.0) & (path.scatterings + 2 <= self.max_bounces)
-        scattered &= randoms.next(active) < survival
+        scattered &= sampler.next_1d(active) < survival
         scattered_flux *= dr.rcp(dr.maximum(survival, 1e-6) * dr.select(may_end, 1.0 - ENDING_SHARE, 1.0))
         flux = dr.select(scattered, scattered_flux, path.flux)
         flux *= dr.select(ends, 1.0 / ENDING_SHARE, 1.0)
@@ -275,11 +279,11 @@ class LightPaths:
             onward = dr.select(passed, leave(hit.point, hit.normal, ray.d), onward)
             still |= passed
         return LightPath(
-            randoms,
+            sampler,
             dr.select(still, onward, ray),
             still,
             flux,
-            dr.select(scattered, odds, path.odds),
+            dr.select(scattered, pdf_ratio, path.pdf_ratio),
             path.light_density,
             path.finite,
             path.scatterings + dr.select(scattered, mi.UInt32(1), mi.UInt32(0)),
@@ -287,7 +291,7 @@ class LightPaths:
             dr.select(arrived, found, path.found),
         )
 
-    def _seen(self, path: LightPath, connect: Connect, per_path: mi.Float) -> Arrivals:
+    def _seen(self, path: LightPath, connect: Connect, per_path: mi.Float) -> Splats:
         """What the camera sees of the light that paths bring to where they end."""
         ray, incoming, found = path.ray, -path.ray.d, path.found
         on_real = path.arrived & self.surfaces.is_real(found)
@@ -296,7 +300,7 @@ class LightPaths:
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_object)
         point, normal = dr.select(on_object, si.p, hit.point), dr.select(on_object, si.n, hit.normal)
 
-        camera = connect(point, path.randoms)
+        camera = connect(point, path.sampler)
         offset = camera.origin - point
         distance = dr.norm(offset)
         outgoing = offset * dr.rcp(dr.maximum(distance, 1e-20))
@@ -319,11 +323,11 @@ class LightPaths:
         value, pdf = dr.select(on_object, bsdf_value, value), dr.select(on_object, bsdf_pdf, pdf)
 
         angle = camera.solid_angle
-        odds = path.odds * self.odds_at_first(angle * per_path, distance, cosine, incoming_cosine, pdf)
-        radiance = path.flux * value * (1.0 - self.weight(odds))
+        pdf_ratio = path.pdf_ratio * self.pdf_ratio_at_first(angle * per_path, distance, cosine, incoming_cosine, pdf)
+        radiance = path.flux * value * (1.0 - self.weight(pdf_ratio))
         radiance *= dr.abs(cosine) / dr.maximum(dr.abs(incoming_cosine), 1e-6)
         radiance /= dr.maximum(angle * dr.square(distance), 1e-20)
         active = (on_support | on_object) & (dr.max(radiance) > 0.0)
         sight = shadow_ray(point, normal, outgoing, distance)
         active &= ~self.surfaces.all.ray_test(sight, coherent=False, active=active)
-        return Arrivals(camera.film, radiance & active, on_object, active)
+        return Splats(camera.film, radiance & active, on_object, active)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.real_surfaces import face_normals
+from lightdepth.scene.meshes.geometry import face_normals
 
 
 @dataclass(frozen=True)

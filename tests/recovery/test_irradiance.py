@@ -8,11 +8,11 @@ from lightdepth.kernel.start import start
 start("cpu")
 
 from lightdepth.directions import pixel_directions  # noqa: E402
-from lightdepth.kernel.real_surfaces import merge_real_surfaces  # noqa: E402
-from lightdepth.kernel.tracing import TracedSurfaces  # noqa: E402
-from lightdepth.transport.irradiance import estimate_irradiance  # noqa: E402
-from lightdepth.transport.place import Place  # noqa: E402
-from lightdepth.transport.recovered_albedo import recover_irradiance  # noqa: E402
+from lightdepth.place.place import Place  # noqa: E402
+from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
+from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
+from lightdepth.recovery.irradiance import estimate_irradiance  # noqa: E402
+from lightdepth.recovery.support_irradiance import recover_irradiance  # noqa: E402
 from tests.transport.places import CAPTURE, HIGH, LOW, box_depth, lamp_image, room  # noqa: E402
 
 LAMP_LOW, LAMP_HIGH, RADIANCE = np.array([-0.5, 0.2]), np.array([0.9, 1.1]), 20.0

@@ -13,7 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from lightdepth.kernel.opaque import opaque_point
+from lightdepth.kernel.variables import as_point
 
 Sphere = tuple[np.ndarray, float]
 """Centre, shape (3,), world, and radius, both in metres."""
@@ -35,7 +35,7 @@ class ObjectBounds:
 
     def __init__(self, spheres: Sequence[Sphere]) -> None:
         self.spheres = _merge_nearest(list(spheres))
-        self._centres = [opaque_point(centre) for centre, _ in self.spheres]
+        self._centres = [as_point(centre) for centre, _ in self.spheres]
         self._radii = [dr.opaque(mi.Float, radius) for _, radius in self.spheres]
 
     def cones(self, point: mi.Point3f) -> Cones:

@@ -105,11 +105,3 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
         no_values,
         np.zeros((len(kind_of_faces), 3), np.float32),
     )
-
-
-def face_normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Unit normals of triangles, shape (m, 3), float32; zero for degenerate ones."""
-    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
-    normal = np.cross(b - a, c - a)
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0).astype(np.float32)

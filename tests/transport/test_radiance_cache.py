@@ -10,9 +10,9 @@ start("cpu")
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
-from lightdepth.transport.bounds import ObjectBounds  # noqa: E402
-from lightdepth.transport.change_cache import ChangeCache  # noqa: E402
+from lightdepth.place.object_bounds import ObjectBounds  # noqa: E402
 from lightdepth.transport.difference import DifferenceIntegrator  # noqa: E402
+from lightdepth.transport.radiance_cache import RadianceCache  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
 
 UP = mi.Vector3f(0.0, 0.0, 1.0)
@@ -21,7 +21,7 @@ UP = mi.Vector3f(0.0, 0.0, 1.0)
 @pytest.fixture
 def cache():
     """For one object, a unit ball at the origin."""
-    return ChangeCache(ObjectBounds([(np.zeros(3), 1.0)]))
+    return RadianceCache(ObjectBounds([(np.zeros(3), 1.0)]))
 
 
 def cells_of(cache, points, normal=UP):

@@ -13,8 +13,9 @@ import numpy as np
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.materials import Materials, registered
-from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
 from lightdepth.kernel.shapes import mesh_shape
+from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
+from lightdepth.scene.meshes.geometry import face_normals
 
 RAY_EPSILON = 1e-4
 """Offset of a ray's origin from the surface it leaves, relative to ``1 + |p|``."""

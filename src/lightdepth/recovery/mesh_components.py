@@ -11,11 +11,11 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from lightdepth.kernel.arrays import aligned_columns
-from lightdepth.kernel.opaque import opaque_point
-from lightdepth.kernel.real_surfaces import RealSurfaces, face_normals
-from lightdepth.scene.meshes.geometry import face_areas
-from lightdepth.transport.grids import Grids
-from lightdepth.transport.place import Place
+from lightdepth.kernel.variables import as_point
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import RealSurfaces
+from lightdepth.recovery.vertex_grids import Grids
+from lightdepth.scene.meshes.geometry import face_areas, face_normals
 
 
 def separate(surfaces: RealSurfaces, chosen: NDArray[np.bool_]) -> RealSurfaces:
@@ -54,7 +54,7 @@ def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int3
     offset = centre - place.capture.astype(np.float32)
     distance = np.linalg.norm(offset, axis=1)
     direction = mi.Vector3f(*map(mi.Float, aligned_columns(offset / distance[:, None])))
-    ray = mi.Ray3f(opaque_point(place.capture), direction)
+    ray = mi.Ray3f(as_point(place.capture), direction)
     free = place.surfaces.real.ray_intersect_preliminary(ray, coherent=False).t.numpy() > 0.999 * distance
     facing = -np.sign((normal * offset).sum(axis=1)) * face_areas(surfaces.rest, faces) * np.where(free, 1.0, 1e-6)
     count = len(surfaces.vertices)

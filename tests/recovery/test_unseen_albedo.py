@@ -17,14 +17,14 @@ start("cpu")
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
+from lightdepth import preparation  # noqa: E402
 from lightdepth.cameras import Perspective  # noqa: E402
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point  # noqa: E402
-from lightdepth.kernel.real_surfaces import FaceKind, merge_real_surfaces  # noqa: E402
-from lightdepth.kernel.tracing import TracedSurfaces  # noqa: E402
-from lightdepth.transport import methods  # noqa: E402
-from lightdepth.transport.hidden import recover_hidden  # noqa: E402
-from lightdepth.transport.place import Place  # noqa: E402
-from lightdepth.transport.recovered_albedo import recover_irradiance  # noqa: E402
+from lightdepth.kernel.variables import as_matrix, as_point  # noqa: E402
+from lightdepth.place.place import Place  # noqa: E402
+from lightdepth.place.real_surfaces import FaceKind, merge_real_surfaces  # noqa: E402
+from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
+from lightdepth.recovery.support_irradiance import recover_irradiance  # noqa: E402
+from lightdepth.recovery.unseen_albedo import recover_hidden  # noqa: E402
 from tests.transport.places import lamp_image, room  # noqa: E402
 
 WIDTH, SAMPLES = 48, 256
@@ -59,8 +59,8 @@ def look(place, view):
     index = dr.arange(mi.UInt32, width * height)
     film = (mi.Point2f(index % width, index // width) + 0.5) / mi.Point2f(width, height)
     origin, direction, _ = view.camera.camera_rays(film, mi.Point2f(0.5))
-    direction = opaque_matrix(view.rotation) @ direction
-    ray = mi.Ray3f(mi.Point3f(mi.Vector3f(origin) + mi.Vector3f(opaque_point(view.position))), direction)
+    direction = as_matrix(view.rotation) @ direction
+    ray = mi.Ray3f(mi.Point3f(mi.Vector3f(origin) + mi.Vector3f(as_point(view.position))), direction)
     hit = place.surfaces.first_real(ray, mi.Bool(True))
     _, hidden, _ = place.sight(mi.Vector3f(hit.point), hit.normal)
     radiance, pdf = place.seen(hit, direction, hit.distance, mi.Bool(True))
@@ -164,6 +164,6 @@ def test_a_mirror_in_the_far_leg_shows_its_walls(monkeypatch):
         return np.median(np.abs(frame.synthetic - wanted.mean)[inside])
 
     with_hidden = missing()
-    monkeypatch.setattr(methods, "recover_hidden", lambda place, surfaces, *_: (place, surfaces))
+    monkeypatch.setattr(preparation, "recover_hidden", lambda place, surfaces, *_: (place, surfaces))
     without = missing()
     assert with_hidden < 0.5 * without

@@ -9,45 +9,24 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import dataclass, replace
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from lightdepth.kernel.arrays import aligned_empty
-from lightdepth.kernel.bands import bands
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
-from lightdepth.kernel.real_surfaces import FaceKind
-from lightdepth.kernel.tracing import RealHit, TracedSurfaces
-from lightdepth.lightmap.distribution import MapDistribution, latlong_to_direction
+from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.place.light_list import LightList, LightSample
+from lightdepth.place.map_distribution import MapDistribution, latlong_to_direction
+from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.model import Panorama
 
 DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; what lies no further from a real point's plane does not hide it for certain."""
-
-
-@dataclass
-class LightSample:
-    """Places that emit light, drawn from the map.
-
-    Attributes:
-        place: world position in metres where ``finite``, else unit world direction toward the sky.
-        normal: of the real surface there, unit, world.
-        density: per square metre of that surface where ``finite``, else per steradian; 0: the sample is void.
-        radiance: M there.
-        finite: false for sky.
-        on_relit: on a surface that is relit in full, so that its light is no light of the new scene.
-    """
-
-    place: mi.Vector3f
-    normal: mi.Vector3f
-    density: mi.Float
-    radiance: mi.Color3f
-    finite: mi.Bool
-    on_relit: mi.Bool
 
 
 class Place:
@@ -66,14 +45,12 @@ class Place:
         self.map = MapDistribution(panorama.radiance, alone)
         self.surfaces = surfaces
         self.infinite = infinite
-        self._to_world = opaque_matrix(panorama.rotation)
-        self._to_light = opaque_matrix(panorama.rotation.T)
+        self._to_world = as_matrix(panorama.rotation)
+        self._to_light = as_matrix(panorama.rotation.T)
         self.capture = np.asarray(panorama.position, dtype=np.float64)
-        self._capture = opaque_point(panorama.position)
+        self._capture = as_point(panorama.position)
         self._pixel_angle = math.pi / self.map.height
         self._depth = self._depth_map()
-        self._light_outlines, self._light_radiance = mi.Float(0.0), mi.Float(0.0)
-        self._light_count = mi.UInt32(0)
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Place:
         """The same place traced with other meshes of the same surfaces, refined ones for instance."""
@@ -162,8 +139,8 @@ class Place:
 
     # -- Sampling its light -------------------------------------------------------------------------------------
 
-    def draw_lights(self, generator: np.random.Generator, count: int) -> None:
-        """Draw the light samples that :meth:`light` hands out until the next call.
+    def presample_lights(self, generator: np.random.Generator, count: int) -> LightList:
+        """Draw a list of light samples.
 
         Each is a direction from the capture point by the map's density, followed to the first real surface. All vertices
         of a pass share them, so that this search is paid once and not at every vertex.
@@ -189,53 +166,7 @@ class Place:
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
             if self.surfaces.deformed:
                 radiance = dr.select(finite, self.surface_radiance(hit, finite), radiance)
-        self._keep(LightSample(place, normal, density, radiance, finite, relit), count)
-
-    def light(self, number: mi.Float, active: mi.Bool) -> LightSample:
-        """Pick light samples by uniform random numbers in [0, 1)."""
-        light = self.light_outline(number, active)
-        radiance = dr.gather(mi.Vector4f, self._light_radiance, self._light_index(number), active)
-        return replace(light, radiance=mi.Color3f(radiance.x, radiance.y, radiance.z))
-
-    def light_outline(self, number: mi.Float, active: mi.Bool) -> LightSample:
-        """The same without their colour, which takes less time: every channel of their radiance is the largest one."""
-        index = 2 * self._light_index(number)
-        first = dr.gather(mi.Vector4f, self._light_outlines, index, active)
-        second = dr.gather(mi.Vector4f, self._light_outlines, index + 1, active)
-        return LightSample(
-            mi.Vector3f(first.x, first.y, first.z),
-            mi.Vector3f(second.x, second.y, second.z),
-            dr.abs(first.w),
-            mi.Color3f(dr.abs(second.w)),
-            first.w >= 0.0,
-            second.w < 0.0,
-        )
-
-    def _keep(self, lights: LightSample, count: int) -> None:
-        """Lay out light samples for :meth:`light`.
-
-        In two packets of four, so that one is fetched with two loads from one line of the processor's cache: paths look
-        at many that lie far apart. Signs tell sky and relit surfaces from others. The radiance lies by itself, since it
-        is wanted of few.
-        """
-        largest = dr.max(lights.radiance)
-        packets = (
-            mi.Vector4f(*lights.place, dr.select(lights.finite, lights.density, -lights.density)),
-            mi.Vector4f(*lights.normal, dr.select(lights.on_relit, -largest, largest)),
-            mi.Vector4f(*lights.radiance, 0.0),
-        )
-        dr.eval(packets)
-        index = dr.arange(mi.UInt32, count)
-        self._light_outlines, self._light_radiance = dr.zeros(mi.Float, 8 * count), dr.zeros(mi.Float, 4 * count)
-        dr.scatter(self._light_outlines, packets[0], 2 * index)
-        dr.scatter(self._light_outlines, packets[1], 2 * index + 1)
-        dr.scatter(self._light_radiance, packets[2], index)
-        dr.eval(self._light_outlines, self._light_radiance)
-        self._light_count = dr.opaque(mi.UInt32, count)
-
-    def _light_index(self, number: mi.Float) -> mi.UInt32:
-        """Where in the list the light samples are that uniform random numbers pick."""
-        return dr.minimum(mi.UInt32(number * mi.Float(self._light_count)), self._light_count - 1)
+        return LightList(LightSample(place, normal, density, radiance, finite, relit), count)
 
     def toward(self, light: LightSample, point: mi.Point3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Direction, distance and density of light samples as seen from points.

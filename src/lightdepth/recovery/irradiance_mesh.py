@@ -11,11 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.real_surfaces import RealSurfaces
-from lightdepth.transport.bounds import Sphere
-from lightdepth.transport.irradiance import estimate_irradiance
-from lightdepth.transport.place import Place
-from lightdepth.transport.refinement import RefinedMesh, close_marks, find_edges
+from lightdepth.place.object_bounds import Sphere
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import RealSurfaces
+from lightdepth.recovery.irradiance import estimate_irradiance
+from lightdepth.recovery.mesh_refinement import RefinedMesh, close_marks, find_edges
 
 INTERPOLATION_TOLERANCE = 0.01
 """Relative deviation at an edge's middle above which the edge is halved, where objects are near."""

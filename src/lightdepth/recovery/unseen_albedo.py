@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned_columns
-from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
-from lightdepth.kernel.tracing import TracedSurfaces
-from lightdepth.scene.meshes.geometry import face_areas
-from lightdepth.transport.adaptive_irradiance import estimate_again, estimate_on_mesh
-from lightdepth.transport.grids import lay_out
-from lightdepth.transport.irradiance import estimate_irradiance
-from lightdepth.transport.pieces import separate, wind_toward_capture, with_refined
-from lightdepth.transport.place import Place
-from lightdepth.transport.recovered_albedo import GLOWING
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
+from lightdepth.place.reflectance import GLOWING
+from lightdepth.place.traced_surfaces import TracedSurfaces
+from lightdepth.recovery.irradiance import estimate_irradiance
+from lightdepth.recovery.irradiance_mesh import estimate_again, estimate_on_mesh
+from lightdepth.recovery.mesh_components import separate, wind_toward_capture, with_refined
+from lightdepth.recovery.vertex_grids import lay_out
+from lightdepth.scene.meshes.geometry import face_areas, face_normals
 
 POINTS = 2048
 """Points spread over the real surfaces, besides one a face, to find out what is hidden."""

@@ -1,0 +1,41 @@
+"""The reflectance of real surfaces, from their photographed radiance and their recovered irradiance.
+
+Equation: docs/theory.md, eq. (6): ``rho(p) = pi M(p) / E(p)``, at every shaded point with M at full resolution.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+from lightdepth.place.place import Place
+from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
+
+GLOWING = 1.5
+"""Ratio ``pi M / E`` above which a support surface is taken to emit light by itself."""
+
+
+def recovered_reflectance(
+    place: Place, surfaces: TracedSurfaces, hit: RealHit, active: mi.Bool
+) -> tuple[mi.Color3f, mi.Color3f]:
+    """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``."""
+    radiance = place.surface_radiance(hit, active)
+    rho, specular_scale = reflectance(radiance, surfaces.irradiance(hit, active), surfaces.mirrored(hit, active))
+    return rho & active, specular_scale & active
+
+
+def reflectance(radiance: mi.Color3f, irradiance: mi.Color3f, mirrored: mi.Color3f) -> tuple[mi.Color3f, mi.Color3f]:
+    """Recovered albedo ``rho`` and the factor on the specular lobe, per channel (theory, eq. 6).
+
+    A ratio a little above 1 is noise of the photograph or the geometry and is clamped; one above ``GLOWING`` in any
+    channel means that the surface glows by itself, or that the geometry is wrong: it scatters nothing.
+
+    Args:
+        radiance: M at points of support.
+        irradiance: E there.
+        mirrored: S there, 0 without gloss.
+    """
+    ratio = dr.pi * dr.maximum(radiance - mirrored, 0.0) / dr.maximum(irradiance, 1e-20)
+    glowing = dr.max(ratio) > GLOWING
+    specular_scale = dr.minimum(radiance / dr.maximum(mirrored, 1e-20), 1.0)
+    return dr.select(glowing, 0.0, dr.minimum(ratio, 1.0)), dr.select(glowing, 0.0, specular_scale)
