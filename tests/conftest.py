@@ -8,6 +8,9 @@ import pytest
 
 from lightdepth.cli.app import main
 
+# Tests prepare their places themselves, and leave nothing behind; those of the cache name a folder of their own.
+os.environ["LIGHTDEPTH_CACHE"] = "off"
+
 
 @pytest.fixture(scope="session")
 def shared_data() -> Path:

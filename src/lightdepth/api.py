@@ -16,7 +16,7 @@ from lightdepth.scene.model import CameraView, Scene
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
     from lightdepth.film.rendering import Progress, Rendering
-    from lightdepth.preparation import Prepared
+    from lightdepth.preparation.methods import Method, Prepared
 
 __all__ = ["begin_rendering", "load_scene", "render"]
 
@@ -36,6 +36,7 @@ def render(
     denoise: bool = False,
     progress: Callable[[Progress], bool | None] | None = None,
     draft: bool = False,
+    cache: bool = True,
 ) -> Frame:
     """Render a camera of a scene.
 
@@ -51,6 +52,7 @@ def render(
         progress: called after every pass; where it returns true, the rendering stops with what it has.
         draft: a quick look: one noisy sample a pixel, if ``samples`` does not say otherwise, and shadows whose strength is
             known to some percent; object ids, depth, normals and albedo only where ``denoise`` needs them.
+        cache: take what belongs to the place from the cache on disk, and put it there.
 
     Returns:
         The image with its layers.
@@ -61,7 +63,7 @@ def render(
     """
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
-    rendering = begin_rendering(scene, camera, method, seed, device, draft=draft)
+    rendering = begin_rendering(scene, camera, method, seed, device, draft=draft, cache=cache)
     frame = rendering.complete(samples, noise, progress, auxiliary=denoise or not draft)
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
@@ -78,6 +80,7 @@ def begin_rendering(
     device: Device = "auto",
     warn: Callable[[str], None] | None = None,
     draft: bool = False,
+    cache: bool = True,
 ) -> Rendering:
     """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
 
@@ -91,6 +94,7 @@ def begin_rendering(
         device: ``auto``, ``cpu`` or ``cuda``.
         warn: told what will make the picture wrong in places, before the preparation takes its time.
         draft: a quick look.
+        cache: take what belongs to the place from the cache on disk, and put it there.
     """
     view = find_camera(scene, camera)
     start(device)
@@ -102,7 +106,7 @@ def begin_rendering(
 
     if draft:
         scene = _drafted(scene)
-    return Rendering(scene, _prepare(scene, method), view, method, scene.render.seed if seed is None else seed)
+    return Rendering(scene, _prepare(scene, method, cache), view, method, scene.render.seed if seed is None else seed)
 
 
 def find_camera(scene: Scene, name: str | None) -> CameraView:
@@ -118,7 +122,7 @@ def find_camera(scene: Scene, name: str | None) -> CameraView:
     return scene.cameras[name]
 
 
-def find_method(name: str) -> Callable[[Scene], Prepared]:
+def find_method(name: str) -> Method:
     """What makes a scene ready for a method; call :func:`~lightdepth.kernel.start.start` before.
 
     Raises:
@@ -135,9 +139,14 @@ def forget_prepared() -> None:
     """Free the memory of what :func:`begin_rendering` keeps of the scenes that were rendered last."""
     import drjit as dr
 
+    from lightdepth.preparation.place import forget_places
+    from lightdepth.scene.content import place_digests
+
     _prepare.cache_clear()
     _renderable.cache_clear()
     _drafted.cache_clear()
+    forget_places()
+    place_digests.forget()
     dr.flush_malloc_cache()
 
 
@@ -168,5 +177,7 @@ def _drafted(scene: Scene) -> Scene:
 
 
 @lru_cache(maxsize=2)
-def _prepare(scene: Scene, method: str) -> Prepared:
-    return find_method(method)(scene)
+def _prepare(scene: Scene, method: str, cache: bool) -> Prepared:
+    from lightdepth.store import default_store
+
+    return find_method(method)(scene, default_store() if cache else None)

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from lightdepth.cli import capture
+from lightdepth.cli.cache import cache
 from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
@@ -43,6 +44,7 @@ app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, a
 app.command()(lightmap)
 app.command()(check)
 app.command()(render)
+app.command()(cache)
 app.command()(doctor)
 
 

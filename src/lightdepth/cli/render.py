@@ -50,6 +50,9 @@ def render(
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
     ] = None,
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", help="Neither use nor fill the cache of prepared places.")
+    ] = False,
     repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
     progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is told.")] = "bar",
     preview_seconds: Annotated[
@@ -82,7 +85,7 @@ def render(
             _check_output(target)
             teller = _Teller(progress, target)
             teller.say("preparing")
-            begin = partial(begin_rendering, loaded, name, method, seed, device, teller.warn, draft)
+            begin = partial(begin_rendering, loaded, name, method, seed, device, teller.warn, draft, not no_cache)
             show = partial(_show, teller, target, exposure)
             auxiliary = denoise or chosen is None or not AUXILIARY.isdisjoint(chosen)
 
