@@ -17,6 +17,7 @@ from lightdepth.place.object_bounds import ObjectBounds
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
+from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
 from lightdepth.recovery.support_irradiance import IrradianceReport, recover_irradiance
 from lightdepth.recovery.unseen_albedo import recover_hidden
 from lightdepth.scene.model import RealSurface, Role, Scene
@@ -57,8 +58,10 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     shapes = tuple(synthetic_shapes(scene))
     bounds = _bounds(shapes)
     spheres = bounds.spheres if bounds is not None else []
+    modelled = with_fitted_glosses(empty, modelled)
     real, report = recover_irradiance(empty, modelled, spheres, generator, samples)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
+    empty = recover_mirrored(empty, modelled)
     place = empty.with_surfaces(surfaces)
     if modelled.deformed:
         place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)

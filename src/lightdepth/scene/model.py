@@ -58,10 +58,19 @@ class AnalyticShape:
 
 @dataclass(frozen=True)
 class Gloss:
-    """Specular lobe on a support surface: GGX roughness in [0, 1] and specular level in [0, 1] (0.5 is F0 = 4 %)."""
+    """Specular lobe on a support surface.
+
+    Attributes:
+        roughness: of the GGX distribution, in [0, 1].
+        specular: level in [0, 1]; 0.5 is a reflectance of 4 % at normal incidence.
+        scale: share of the lobe that the photograph leaves room for, in [0, 1]; see :mod:`lightdepth.recovery.specular`.
+        albedo: typical diffuse albedo of the surface beneath the lobe, linear RGB; found by the same module.
+    """
 
     roughness: float
     specular: float
+    scale: float = 1.0
+    albedo: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
