@@ -148,10 +148,11 @@ def test_the_film_shows_a_point_where_its_ray_leaves(name):
     target = origin + direction * generator.uniform(0.3, 9.0, (500, 1))
     target[::100, 1] = -np.abs(target[::100, 1]) - 5.0  # Behind the camera.
     target[::100, ::2] = 0.01
-    start_point, film, seen = camera.film_points(
+    shown = camera.film_point(
         mi.Point3f(*target.T.astype(np.float32)), mi.Point2f(*(np.float32(part) for part in lens))
     )
-    seen = seen.numpy() & np.ones(500, bool)
+    start_point, film = shown.origin, shown.film
+    seen = shown.inside.numpy() & np.ones(500, bool)
     behind = np.arange(500) % 100 == 0
     kept = inside & ~behind
     assert seen[kept].all()

@@ -8,7 +8,9 @@ from lightdepth.cameras.camera import Camera
 from lightdepth.cameras.equirectangular import Equirectangular
 from lightdepth.cameras.fisheye import Fisheye
 from lightdepth.cameras.perspective import Perspective
+from lightdepth.cameras.topology import Topology
+from lightdepth.cameras.viewpoint import Viewpoint
 
 CameraSettings = Annotated[Equirectangular | Fisheye | Perspective, Field(discriminator="type")]
 
-__all__ = ["Camera", "CameraSettings", "Equirectangular", "Fisheye", "Perspective"]
+__all__ = ["Camera", "CameraSettings", "Equirectangular", "Fisheye", "Perspective", "Topology", "Viewpoint"]
