@@ -15,6 +15,9 @@ from lightdepth.cameras.topology import Topology
 if TYPE_CHECKING:
     import mitsuba as mi
 
+INSIDE = 1.0 - 2.0**-9
+"""Largest offset in a pixel where films are cut into charts: single precision tells it from the next pixel in all sizes."""
+
 
 @dataclass
 class CameraRays:
@@ -99,8 +102,11 @@ class Viewpoint:
 
     def pixel_rays(self, column: mi.Float, row: mi.Float, offset: mi.Point2f, lens: mi.Point2f) -> CameraRays:
         """Rays through pixels, at an offset in [0, 1) from their upper left corner; ``lens`` as for :meth:`rays`."""
+        import drjit as dr
         import mitsuba as mi
 
+        if len(self.topology.charts) > 1:  # Rounding must not lead from the edge of one chart into another.
+            offset = dr.minimum(offset, INSIDE)
         width, height = self.resolution
         return self.rays(mi.Point2f((column + offset.x) / width, (row + offset.y) / height), lens)
 
