@@ -66,7 +66,7 @@ def render(
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
 
-        return denoised(frame, rendering.panoramic)
+        return denoised(frame)
     return frame
 
 

@@ -89,14 +89,14 @@ def render(
             def complete(rendering: Rendering, watch: Callable[[Step], bool]) -> Frame:
                 return rendering.complete(samples, noise, watch, auxiliary)
 
-            frame, panoramic = _rendered(begin, complete, teller, interruption, show, preview_seconds)
+            frame = _rendered(begin, complete, teller, interruption, show, preview_seconds)
             interrupted = interruption.asked
             forget_prepared()  # To write a large picture takes memory as well.
             if denoise:
                 from lightdepth.film.denoising import denoise as denoised
 
-                frame = denoised(frame, panoramic)
-            _write(target, frame, panoramic, chosen, exposure)
+                frame = denoised(frame)
+            _write(target, frame, chosen, exposure)
         except KeyboardInterrupt:
             when = (
                 "again; the picture was not finished" if interruption.wait else "while preparing; nothing was written"
@@ -115,8 +115,8 @@ def _rendered(
     interruption: _Interruption,
     show: Callable[[Rendering], None],
     seconds: float | None,
-) -> tuple[Frame, bool]:
-    """The frame, finished or interrupted, and whether it is panoramic; what it was rendered with is free again.
+) -> Frame:
+    """The frame, finished or interrupted; what it was rendered with is free again.
 
     Args:
         begin: begins to render.
@@ -139,12 +139,12 @@ def _rendered(
         return interruption.asked
 
     with teller:
-        return complete(rendering, watch), rendering.panoramic
+        return complete(rendering, watch)
 
 
 def _show(teller: _Teller, target: Path, exposure: float | None, rendering: Rendering) -> None:
     """Write the unfinished picture, and say so."""
-    _write(target, rendering.frame(auxiliary=False), rendering.panoramic, [], exposure)
+    _write(target, rendering.frame(auxiliary=False), [], exposure)
     teller.event({"event": "preview", "file": str(target)})
 
 
@@ -159,14 +159,14 @@ def _check_output(target: Path) -> None:
         check_writable(file if folder == target.absolute().parent or not folder.is_dir() else folder / file.name)
 
 
-def _write(target: Path, frame: Frame, panoramic: bool, layers: list[str] | None, exposure: float | None) -> None:
+def _write(target: Path, frame: Frame, layers: list[str] | None, exposure: float | None) -> None:
     from lightdepth.film.layers import write_frame, write_picture
 
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"-o {target}: cannot be written ({error.strerror})") from error
-    write_frame(target, frame, latlong=panoramic, layers=layers)
+    write_frame(target, frame, layers)
     write_picture(target.with_suffix(".png"), frame, exposure)
 
 

@@ -9,9 +9,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.cameras import Viewpoint
 from lightdepth.place.light_list import LightList
-from lightdepth.scene.model import CameraView
 from lightdepth.transport.light_tracing import Connection, LightTracer, Splats
 from lightdepth.transport.sampler import Sampler, begin_path
 
@@ -37,11 +36,9 @@ class LightImage:
         count: light paths that were followed so far.
     """
 
-    def __init__(self, light_tracer: LightTracer, view: CameraView, pixels: NDArray[np.uint32], seed: int) -> None:
-        self._light_tracer, self._camera, self._seed = light_tracer, view.camera, seed ^ SEED
-        self._origin, self._rotation = as_point(view.position), as_matrix(view.rotation)
-        self._to_camera = as_matrix(view.rotation.T)
-        self._width, self._height = view.camera.resolution
+    def __init__(self, light_tracer: LightTracer, view: Viewpoint, pixels: NDArray[np.uint32], seed: int) -> None:
+        self._light_tracer, self._view, self._seed = light_tracer, view, seed ^ SEED
+        self._width, self._height = view.resolution
         self._slots: NDArray[np.uint32] | None = None
         if len(pixels) < self._width * self._height:
             self._slots = np.full(self._width * self._height, NOWHERE)
@@ -75,10 +72,8 @@ class LightImage:
 
     def _connect(self, point: mi.Point3f, sampler: Sampler) -> Connection:
         """How the camera sees points, world."""
-        target = mi.Point3f(self._to_camera @ (point - self._origin))
-        start, film, inside = self._camera.film_points(target, mi.Point2f(sampler.next_1d(), sampler.next_1d()))
-        angle = self._camera.pixel_angle(dr.normalize(target - start))
-        return Connection(self._origin + self._rotation @ start, film, angle, inside)
+        seen = self._view.project(point, mi.Point2f(sampler.next_1d(), sampler.next_1d()))
+        return Connection(seen.origin, seen.film, seen.solid_angle, seen.weight, seen.inside)
 
     def add(self, arrivals: Splats) -> None:
         """Add what light paths bring."""

@@ -12,7 +12,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras import Equirectangular
+from lightdepth.cameras import Viewpoint
 from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.auxiliary import render_auxiliary
 from lightdepth.film.frame import Frame
@@ -20,10 +20,9 @@ from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import render_plate
 from lightdepth.film.selection import influenced_pixels
 from lightdepth.kernel.arrays import aligned
-from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.place.light_list import LightList
 from lightdepth.preparation import Prepared
-from lightdepth.scene.model import CameraView, Scene
+from lightdepth.scene.model import Scene
 from lightdepth.transport.integrator import CameraSums
 from lightdepth.transport.sampler import Sampler, begin_path
 
@@ -94,10 +93,9 @@ class Rendering:
         seed: of the random numbers; the same seed gives the same image.
     """
 
-    def __init__(self, scene: Scene, prepared: Prepared, view: CameraView, method: str, seed: int) -> None:
+    def __init__(self, scene: Scene, prepared: Prepared, view: Viewpoint, method: str, seed: int) -> None:
         self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
-        self._width, self._height = view.camera.resolution
-        self._origin, self._rotation = as_point(view.position), as_matrix(view.rotation)
+        self._width, self._height = view.resolution
         self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place, draft=scene.render.draft)
         self.pixels = influenced_pixels(view, prepared)
         plate = self.plate.reshape(-1, 3)
@@ -177,16 +175,12 @@ class Rendering:
             samples=self._scattered(taken),
             metadata=facts,
             object_names=tuple(thing.name for thing in self._scene.synthetic),
+            topology=self._view.topology,
         )
         if auxiliary:
             layers = render_auxiliary(self._view, self._prepared)
             frame.object_id, frame.depth, frame.normal, frame.albedo = layers
         return frame
-
-    @property
-    def panoramic(self) -> bool:
-        """Whether the image is a full panorama, whose edges meet."""
-        return isinstance(self._view.camera, Equirectangular)
 
     def _facts(self) -> dict[str, str]:
         """For the file's header: how the image was made, and what was simplified."""
@@ -261,7 +255,12 @@ class Rendering:
         kernel = np.ones((NEIGHBOURS, NEIGHBOURS), np.float32)
         kernel[NEIGHBOURS // 2, NEIGHBOURS // 2] = 0.0
         kernel /= kernel.sum()
-        around = np.asarray(cv2.filter2D(self._scattered(error), -1, kernel), np.float32).reshape(-1)
+        image, topology = self._scattered(error), self._view.topology
+        around = np.empty_like(image)
+        for chart in topology.charts:
+            window = topology.window(chart, chart, NEIGHBOURS // 2)
+            around[chart.slices] = cv2.filter2D(window.cut(image), -1, kernel)[window.inner]
+        around = around.reshape(-1)
         return around if around.size == error.size else around[self.pixels]
 
     def _scattered(self, values: NDArray) -> NDArray:
@@ -316,17 +315,15 @@ class Rendering:
     ) -> CameraSums:
         """Follow ``counts`` paths for each pixel, from its sample number ``first`` on."""
         pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in (pixels, first, counts))
-        seed, camera = dr.opaque(mi.UInt32, self._seed), self._view.camera
+        seed = dr.opaque(mi.UInt32, self._seed)
         paths_a_sample = mi.Float(0.0) if self._light is None else self._light.paths_a_sample()
 
         def camera_rays(number: mi.UInt32) -> tuple[Sampler, mi.Ray3f, mi.Bool, mi.Float]:
             sampler = begin_path(pixel, offset + number, seed)
             x, y = sampler.stratified("film")
-            film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)
-            film.y = (mi.Float(pixel // self._width) + y) / self._height
-            start, direction, inside = camera.camera_rays(film, mi.Point2f(sampler.stratified("lens")))
-            ray = mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction)
-            return sampler, ray, inside, camera.pixel_angle(direction) * paths_a_sample
+            column, row = mi.Float(pixel % self._width), mi.Float(pixel // self._width)
+            seen = self._view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(sampler.stratified("lens")))
+            return sampler, seen.ray, seen.inside, seen.solid_angle * paths_a_sample
 
         sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, lights, self._cache)
         dr.eval(sums)

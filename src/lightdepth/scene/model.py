@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras import Camera
+from lightdepth.cameras import Equirectangular, Viewpoint
 from lightdepth.scene.materials import Material
 
 
@@ -155,6 +155,12 @@ class Panorama:
     path: Path | None = None
     repairs: tuple[str, ...] = ()
 
+    @property
+    def viewpoint(self) -> Viewpoint:
+        """The camera whose pixels are those of the photograph."""
+        camera = Equirectangular(type="equirectangular", width=self.radiance.shape[1])
+        return Viewpoint(camera, self.position, self.rotation)
+
 
 @dataclass(frozen=True)
 class RenderSettings:
@@ -179,19 +185,8 @@ class RenderSettings:
     draft: bool = False
 
 
-@dataclass(frozen=True)
-class CameraView:
-    """A camera where it stands.
-
-    Attributes:
-        camera: its settings; ``camera.position`` is always filled in.
-        position: shape (3,), float64, world, metres.
-        rotation: camera space to world, shape (3, 3), float64; the columns are right, forward and up.
-    """
-
-    camera: Camera
-    position: NDArray[np.float64]
-    rotation: NDArray[np.float64]
+CameraView = Viewpoint
+"""The cameras of a scene."""
 
 
 @dataclass(frozen=True, eq=False)
