@@ -8,7 +8,8 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from lightdepth.errors import InputError
-from lightdepth.kernel.start import Device, start
+from lightdepth.film.sums import Share
+from lightdepth.kernel.start import DEVICE_LOCK, Device, start
 from lightdepth.packages import require_package
 from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import CameraView, Scene
@@ -46,7 +47,7 @@ def render(
         noise: relative error at which a pixel is done; the scene's own setting by default.
         method: ``difference``, or another name out of ``lightdepth.preparation.METHODS``.
         seed: of the random numbers; the scene's own setting by default.
-        device: ``auto``, ``cpu`` or ``cuda``.
+        device: ``auto``, which is the CPU, ``cpu`` or ``cuda``; one process keeps the device that it started with.
         denoise: denoise the change and the synthetic layer.
         progress: called after every pass; where it returns true, the rendering stops with what it has.
         draft: a quick look: one noisy sample a pixel, if ``samples`` does not say otherwise, and shadows whose strength is
@@ -56,8 +57,10 @@ def render(
         The image with its layers.
 
     Raises:
-        InputError: the camera or the method is unknown, or ``lightdepth check`` finds an error in the scene.
-        SetupError: the renderer or the denoiser is not installed rightly.
+        InputError: the camera or the method is unknown, ``samples`` or ``noise`` is out of range, or
+            ``lightdepth check`` finds an error in the scene.
+        SetupError: the renderer or the denoiser is not installed rightly, or the device is not there or not the one
+            that this process already computes on.
     """
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
@@ -78,6 +81,7 @@ def begin_rendering(
     device: Device = "auto",
     warn: Callable[[str], None] | None = None,
     draft: bool = False,
+    share: Share | None = None,
 ) -> Rendering:
     """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
 
@@ -91,26 +95,31 @@ def begin_rendering(
         device: ``auto``, ``cpu`` or ``cuda``.
         warn: told what will make the picture wrong in places, before the preparation takes its time.
         draft: a quick look.
+        share: the part of the work that this process does, see :class:`~lightdepth.film.sums.Share`; all by default.
     """
     view = find_camera(scene, camera)
     start(device)
     find_method(method)
-    for warning in _renderable(scene):
-        if warn is not None:
-            warn(warning)
-    from lightdepth.film.rendering import Rendering
+    seed = scene.render.seed if seed is None else seed
+    with DEVICE_LOCK:
+        for warning in _renderable(scene):
+            if warn is not None:
+                warn(warning)
+        from lightdepth.film.rendering import Rendering
 
-    if draft:
-        scene = _drafted(scene)
-    return Rendering(scene, _prepare(scene, method), view, method, scene.render.seed if seed is None else seed)
+        if draft:
+            scene = _drafted(scene)
+        return Rendering(scene, _prepare(scene, method), view, method, seed, share or Share())
 
 
 def find_camera(scene: Scene, name: str | None) -> CameraView:
     """A camera by name, or the first.
 
     Raises:
-        InputError: there is no camera of this name.
+        InputError: there is no camera of this name, or none at all.
     """
+    if not scene.cameras:
+        raise InputError(f"{scene.path or 'scene'}: has no camera")
     if name is None:
         return next(iter(scene.cameras.values()))
     if name not in scene.cameras:
