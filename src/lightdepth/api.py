@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from lightdepth.errors import InputError
 from lightdepth.film.sums import Share
 from lightdepth.kernel.start import DEVICE_LOCK, Device, start
 from lightdepth.packages import require_package
+from lightdepth.scene.identity import digest, scene_digest
 from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import CameraView, Scene
 
@@ -144,19 +146,42 @@ def forget_prepared() -> None:
     """Free the memory of what :func:`begin_rendering` keeps of the scenes that were rendered last."""
     import drjit as dr
 
-    _prepare.cache_clear()
-    _renderable.cache_clear()
+    _prepared.clear()
+    _warnings.clear()
     _drafted.cache_clear()
     dr.flush_malloc_cache()
 
 
-@lru_cache(maxsize=2)
+SCENES_KEPT = 2
+"""Scenes of which is kept what they were prepared to."""
+_prepared: OrderedDict[str, Prepared] = OrderedDict()
+_warnings: OrderedDict[str, tuple[str, ...]] = OrderedDict()
+"""By the digest of the scene, so that another object of the same contents counts."""
+Made = TypeVar("Made")
+
+
+def _kept(kept: OrderedDict[str, Made], key: str, make: Callable[[], Made]) -> Made:
+    """What is kept for ``key``, else what ``make`` makes for it."""
+    if key not in kept:
+        made = make()
+        kept[key] = made
+    kept.move_to_end(key)
+    while len(kept) > SCENES_KEPT:
+        kept.popitem(last=False)
+    return kept[key]
+
+
 def _renderable(scene: Scene) -> tuple[str, ...]:
     """What will make pictures of a scene wrong in places.
 
     Raises:
         InputError: there is what would make them meaningless; a line for each such problem.
     """
+    key = digest(scene_digest(scene), *scene.cameras.values())
+    return _kept(_warnings, key, lambda: _find_warnings(scene))
+
+
+def _find_warnings(scene: Scene) -> tuple[str, ...]:
     from lightdepth.checks import Severity, find_problems
 
     problems = find_problems(scene)
@@ -176,6 +201,5 @@ def _drafted(scene: Scene) -> Scene:
     return replace(scene, render=settings)
 
 
-@lru_cache(maxsize=2)
 def _prepare(scene: Scene, method: str) -> Prepared:
-    return find_method(method)(scene)
+    return _kept(_prepared, f"{method} {scene_digest(scene)}", lambda: find_method(method)(scene))

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lightdepth.errors import InputError
 from lightdepth.film.arrays_file import read_arrays, remove_arrays, write_arrays
-from lightdepth.film.rendering import Rendering
+
+if TYPE_CHECKING:
+    from lightdepth.film.rendering import Rendering
 
 KIND = "lightdepth checkpoint"
 

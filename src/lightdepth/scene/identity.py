@@ -8,18 +8,28 @@ from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from pydantic import BaseModel
 
 from lightdepth.scene.model import CameraView, RenderSettings, Scene
 
+_known: WeakKeyDictionary[Scene, str] = WeakKeyDictionary()
+
 
 def scene_digest(scene: Scene) -> str:
-    """Digest of what a scene shows, in hexadecimal.
+    """Digest of what a scene shows, in hexadecimal; computed once for each scene in memory.
 
     Left out is what changes no picture: where the files lie, the cameras, and how many samples are wanted.
     """
+    known = _known.get(scene)
+    if known is None:
+        known = _known[scene] = _scene_digest(scene)
+    return known
+
+
+def _scene_digest(scene: Scene) -> str:
     settings = replace(scene.render, samples=RenderSettings.samples, noise=None, seed=0)
     panorama = replace(scene.panorama, path=None)
     seed = scene.render.seed  # The preparation's; a rendering may have a seed of its own.
@@ -61,6 +71,9 @@ def _chunks(value: Any) -> Iterator[bytes | memoryview]:
         for key, item in value.items():
             yield from _chunks(key)
             yield from _chunks(item)
+            if key == "filename" and isinstance(item, str) and Path(item).is_file():  # A bitmap of Mitsuba's.
+                state = Path(item).stat()
+                yield f"{state.st_size} {state.st_mtime_ns}".encode()
     elif isinstance(value, Enum):
         yield value.name.encode()
     elif value is None or isinstance(value, str | int | float | bool | Path | np.generic):
