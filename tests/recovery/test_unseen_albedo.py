@@ -63,7 +63,8 @@ def look(place, view):
     ray = mi.Ray3f(mi.Point3f(mi.Vector3f(origin) + mi.Vector3f(as_point(view.position))), direction)
     hit = place.surfaces.first_real(ray, mi.Bool(True))
     _, hidden, _ = place.sight(mi.Vector3f(hit.point), hit.normal)
-    radiance, pdf = place.seen(hit, direction, hit.distance, mi.Bool(True))
+    ray = mi.Ray3f(mi.Point3f(0.0), direction)
+    radiance, pdf, _ = place.photograph.arriving(ray, hit, hit.distance, mi.Bool(True))
     return hit, hidden.numpy(), radiance.numpy().T, pdf.numpy()
 
 

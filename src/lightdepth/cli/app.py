@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from importlib import metadata
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 from rich.console import Console
@@ -14,8 +15,10 @@ from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
+from lightdepth.cli.merge import merge
 from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.render import render
+from lightdepth.cli.serve import serve
 from lightdepth.errors import LightdepthError
 
 app = typer.Typer(
@@ -30,7 +33,16 @@ app = typer.Typer(
 @app.callback()
 def _options(
     version: Annotated[bool, typer.Option("--version", is_eager=True, help="Print the version and exit.")] = False,
+    log_level: Annotated[
+        Literal["debug", "info", "warning", "error"] | None,
+        typer.Option(help="Log what is done to standard error; nothing by default."),
+    ] = None,
 ) -> None:
+    if log_level is not None:
+        logger, handler = logging.getLogger("lightdepth"), logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s %(message)s"))
+        logger.addHandler(handler)
+        logger.setLevel(log_level.upper())
     if version:
         typer.echo(metadata.version("lightdepth"))
         raise typer.Exit
@@ -43,6 +55,8 @@ app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, a
 app.command()(lightmap)
 app.command()(check)
 app.command()(render)
+app.command()(merge)
+app.command()(serve)
 app.command()(doctor)
 
 
