@@ -16,6 +16,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from lightdepth.errors import InputError
+from lightdepth.files import exists
 
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
@@ -154,7 +155,7 @@ def _check_output(target: Path) -> None:
 
     if target.suffix.lower() != ".exr":
         raise InputError(f"-o {target}: '{target.suffix}' is not allowed; the output is an .exr file")
-    folder = next(parent for parent in target.absolute().parents if parent.exists())
+    folder = next(parent for parent in target.absolute().parents if exists(parent))
     for file in (target, target.with_suffix(".png")):
         check_writable(file if folder == target.absolute().parent or not folder.is_dir() else folder / file.name)
 

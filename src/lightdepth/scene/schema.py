@@ -18,6 +18,7 @@ from pydantic import (
 )
 
 from lightdepth.cameras import CameraSettings
+from lightdepth.files import is_file
 from lightdepth.scene.materials import MaterialSettings
 
 Number = Annotated[float, Field(strict=True)]
@@ -28,7 +29,7 @@ Vector3 = tuple[Number, Number, Number]
 def _existing_file(path: Path, info: ValidationInfo) -> Path:
     """The path, relative to the scene file's folder (``context["folder"]``)."""
     resolved: Path = (info.context or {}).get("folder", Path()) / path
-    if not resolved.is_file():
+    if not is_file(resolved):
         raise ValueError(f"{resolved}: no such file")
     return resolved
 
