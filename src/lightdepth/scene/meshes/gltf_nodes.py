@@ -32,7 +32,7 @@ class GltfNodes:
             roots = self._forest_roots
         self._worlds: dict[int, Matrix] = {}
         self.shown: dict[int, Matrix] = {}
-        self._walk(roots)
+        self._walk(roots, shown=True)
 
     def world(self, number: int) -> Matrix:
         """World matrix of any node; joints may lie outside the scene.
@@ -42,16 +42,14 @@ class GltfNodes:
         """
         self._file.entry(self._file.header.nodes, number, "node")
         if number not in self._worlds:
-            shown = dict(self.shown)
-            self._walk([root for root in self._forest_roots if root not in self._worlds])
-            self.shown = shown
+            self._walk([root for root in self._forest_roots if root not in self._worlds], shown=False)
         if number not in self._worlds:
             raise InputError(f"{self._file.path}: node {number} is its own ancestor")
         return self._worlds[number]
 
-    def _walk(self, roots: list[int]) -> None:
+    def _walk(self, roots: list[int], shown: bool) -> None:
         """Place nodes and all below them, parents first."""
-        waiting = [(root, np.eye(4), True) for root in reversed(roots)]
+        waiting = [(root, np.eye(4), shown) for root in reversed(roots)]
         while waiting:
             number, parent, visible = waiting.pop()
             node = self._file.entry(self._file.header.nodes, number, "node")
