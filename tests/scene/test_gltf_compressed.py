@@ -1,6 +1,5 @@
 """glTF with compressed meshes and images: what the encoders were given comes back."""
 
-import base64
 import json
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import pytest
 
 from lightdepth.errors import InputError
 from lightdepth.scene.meshes import read_mesh_file
-from tests.scene.gltf_writer import QUAD, QUAD_FACES, data_uri, gltf_document
+from tests.scene.gltf_writer import QUAD, data_uri, gltf_document, with_draco, with_meshopt
 
 DATA = Path(__file__).parent / "data"
 
@@ -17,29 +16,6 @@ DATA = Path(__file__).parent / "data"
 def read(tmp_path, document):
     (tmp_path / "a.gltf").write_text(json.dumps(document))
     return read_mesh_file(tmp_path / "a.gltf", with_materials=True)
-
-
-def with_draco(colors=None):
-    """The quad of the writer, its primitive compressed, without uncompressed data."""
-    draco = pytest.importorskip("DracoPy")
-    attributes = QUAD if colors is None else {**QUAD, "COLOR_0": colors}
-    document = gltf_document(attributes)
-    data = draco.encode(
-        np.array(QUAD["POSITION"], np.float32), np.array(QUAD_FACES, np.uint32), quantization_bits=16,
-        tex_coord=np.array(QUAD["TEXCOORD_0"], np.float64), normals=np.array(QUAD["NORMAL"], np.float64),
-        colors=colors,
-    )  # fmt: skip
-    kinds = {"NORMAL": 1, "COLOR_0": 2, "TEXCOORD_0": 3, "POSITION": 0}
-    ids = {a["attribute_type"]: a["unique_id"] for a in draco.decode(data).attributes}
-    primitive = document["meshes"][0]["primitives"][0]
-    used = {name: ids[kinds[name]] for name in primitive["attributes"]}
-    primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": used}}
-    for accessor in document["accessors"]:
-        del accessor["bufferView"]
-    document["bufferViews"] = [{"buffer": 0, "byteLength": len(data)}]
-    document["buffers"] = [{"byteLength": len(data), "uri": data_uri(data)}]
-    document["extensionsRequired"] = ["KHR_draco_mesh_compression"]
-    return document
 
 
 def rows(mesh):
@@ -67,26 +43,8 @@ def test_damaged_draco_is_named(tmp_path):
 
 @pytest.mark.parametrize("extension", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
 def test_meshopt(tmp_path, extension):
-    encoder = pytest.importorskip("meshoptimizer")
-    document = gltf_document()
-    (plain,) = read(tmp_path, document)
-    raw = base64.b64decode(document["buffers"][0]["uri"].partition(",")[2])
-    packed = b""
-    for number, view in enumerate(document["bufferViews"]):
-        data = raw[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
-        if number == 0:
-            stride, encoded = 4, encoder.encode_index_buffer(np.frombuffer(data, "<u4"), 6, 4)
-        else:
-            stride = len(data) // 4
-            encoded = encoder.encode_vertex_buffer(np.frombuffer(data, "<f4").reshape(4, -1), 4, stride)
-        how = {
-            "buffer": 1, "byteOffset": len(packed), "byteLength": len(encoded), "byteStride": stride,
-            "count": len(data) // stride, "mode": "ATTRIBUTES" if number else "TRIANGLES",
-        }  # fmt: skip
-        view["extensions"] = {extension: how}
-        packed += encoded
-    document["buffers"] = [{"byteLength": len(raw)}, {"byteLength": len(packed), "uri": data_uri(packed)}]
-    document["extensionsRequired"] = [extension]
+    document = with_meshopt(extension)
+    (plain,) = read(tmp_path, gltf_document())
     (part,) = read(tmp_path, document)
     assert rows(part.mesh) == rows(plain.mesh)
 

@@ -12,6 +12,8 @@ from lightdepth.directions import euler_rotation
 from lightdepth.scene.model import Mesh
 
 Triple = tuple[float, float, float]
+FARTHEST = 1e15
+"""Coordinates beyond are damage."""
 COARSEST_STEP = 0.002
 """Of a mesh's size: coarser steps of single precision would be seen."""
 
@@ -57,8 +59,9 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     Raises:
         ValueError: it stands so far from the world's origin that single precision cannot hold its shape.
     """
-    exact = transformed(mesh, matrix)
-    vertices = exact.vertices.astype(np.float32)
+    with np.errstate(over="ignore", invalid="ignore"):
+        exact = transformed(mesh, matrix)
+        vertices = exact.vertices.astype(np.float32)
     reach, size = float(np.abs(vertices).max()), float(np.ptp(exact.vertices, axis=0).max())
     step = float(np.spacing(np.float32(reach)))
     if not np.isfinite(step) or step > COARSEST_STEP * size:
@@ -77,7 +80,7 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
 
 def unit(vectors: NDArray[np.floating]) -> NDArray[np.float32]:
     """Vectors of shape (n, 3) scaled to length 1; zero vectors stay."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    lengths = np.linalg.norm(vectors.astype(np.float64), axis=-1, keepdims=True)
     return (vectors / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
 
 
@@ -99,13 +102,18 @@ def checked(mesh: Mesh, keep_flat: bool = False) -> Mesh:
     """The mesh, without triangles that have no area unless they are to be kept.
 
     Raises:
-        ValueError: vertices that are not finite, faces that name no vertex, or nothing left.
+        ValueError: vertices that are not finite or absurdly far, faces that name no vertex, or nothing left.
     """
     for name in ("vertices", "normals", "texture_coordinates", "rest"):
         values = getattr(mesh, name)
         if values is not None and (bad := ~np.isfinite(values).all(axis=1)).any():
             what = name.replace("_", " ")
             raise ValueError(f"{what}: {bad.sum()} of {len(bad)} are not finite, the first is vertex {bad.argmax()}")
+        if values is not None and (far := (np.abs(values) > FARTHEST).any(axis=1)).any():
+            what = name.replace("_", " ")
+            raise ValueError(
+                f"{what}: {far.sum()} of {len(far)} are beyond {FARTHEST:g}, the first is vertex {far.argmax()}"
+            )
     if len(mesh.faces) == 0:
         raise ValueError("the mesh has no triangles")
     outside = (mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))

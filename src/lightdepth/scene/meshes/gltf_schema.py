@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -383,4 +384,5 @@ def checked_header(document: Any) -> Header:
         first = error.errors(include_url=False, include_context=False)[0]
         place = "".join(f"[{piece}]" if isinstance(piece, int) else f".{piece}" for piece in first["loc"]).lstrip(".")
         message = first["msg"].replace("Input should", "must").replace("Field required", "is missing")
+        message = re.sub(r"a valid dictionary( or instance of \w+)?", "an object", message)
         raise ValueError(f"{place or 'its JSON'}: {message[:1].lower() + message[1:]}") from error

@@ -160,7 +160,7 @@ class _Content:
             except ValueError:
                 raise InputError(f"{self.path}: line {number}: {word[:40]!r} is no corner of a face") from None
             index = index - 1 if index > 0 else counts[which] + index
-            if index < 0 or piece.lstrip("+-").strip("0") == "":
+            if not 0 <= index < 2**31 or piece.lstrip("+-").strip("0") == "":
                 what = ("vertex", "texture coordinate", "normal")[which]
                 raise InputError(f"{self.path}: line {number}: there is no {what} {piece[:20]}")
             found[which] = index

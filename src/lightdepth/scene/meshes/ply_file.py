@@ -273,6 +273,8 @@ class _Ascii:
 
     def _table(self, lines: list[bytes], width: int) -> NDArray[np.float64]:
         """Rows of the same number of values; where a row has others, its line is named."""
+        if not lines:
+            return np.zeros((0, width))
         numbers = self._parsed(lines)
         if len(numbers) != len(lines) * width or any(len(line.split()) != width for line in lines):
             for offset, line in enumerate(lines):
