@@ -76,7 +76,7 @@ def inspect_scene(scene: Scene) -> Inspection:
 
 def _inspect(scene: Scene, unread: int = 0) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
-    problems = radiance_problems(scene.panorama)
+    problems = [Problem(Severity.WARNING, message) for message in scene.notes] + radiance_problems(scene.panorama)
     if not scene.real and scene.panorama.depth is None:
         return Inspection(tuple(problems), None)
     view = look_around(scene)

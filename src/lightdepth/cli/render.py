@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from lightdepth.errors import InputError
+from lightdepth.files import exists
 
 if TYPE_CHECKING:
     from lightdepth.session.events import Done, Event
@@ -186,7 +187,7 @@ def check_output(target: Path, files: list[Path], suffix: str) -> None:
 
     if target.suffix.lower() != suffix:
         raise InputError(f"-o {target}: '{target.suffix}' is not allowed; the output is an {suffix} file")
-    folder = next(parent for parent in target.absolute().parents if parent.exists())
+    folder = next(parent for parent in target.absolute().parents if exists(parent))
     for file in files:
         check_writable(file if folder == target.absolute().parent or not folder.is_dir() else folder / file.name)
 

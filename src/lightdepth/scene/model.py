@@ -26,21 +26,21 @@ class Mesh:
     """Triangles.
 
     Attributes:
-        vertices: shape (n, 3), float32, world, metres.
+        vertices: shape (n, 3), float32, world, metres; of a file that is not placed yet float64.
         faces: shape (m, 3), int32, counter-clockwise seen from outside.
         normals: shading normals, shape (n, 3), float32, unit, world; ``None`` means flat faces.
         texture_coordinates: shape (n, 2), float32, or ``None``; v grows upward in the image.
         colors: linear vertex colours, shape (n, 3), float32, not negative, or ``None``.
         rest: environment texture coordinates (paper, section 5.8): where on the real place each vertex takes its
-            colour from, shape (n, 3), float32, world, metres; ``None`` means from where it is.
+            colour from, shape (n, 3), of the type of ``vertices``, world, metres; ``None`` means from where it is.
     """
 
-    vertices: NDArray[np.float32]
+    vertices: NDArray[np.floating]
     faces: NDArray[np.int32]
     normals: NDArray[np.float32] | None = None
     texture_coordinates: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
-    rest: NDArray[np.float32] | None = None
+    rest: NDArray[np.floating] | None = None
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,17 @@ CameraView = Viewpoint
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that a rendering needs."""
+    """Everything that a rendering needs.
+
+    Attributes:
+        panorama: the photograph.
+        real: what stands in it.
+        synthetic: what is new.
+        cameras: by name.
+        render: settings.
+        path: the scene file, where it comes from one.
+        notes: what files say that is left out or taken otherwise, a message for each.
+    """
 
     panorama: Panorama
     real: tuple[RealSurface, ...] = ()
@@ -200,3 +210,4 @@ class Scene:
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
     lights: tuple[SunLight, ...] = ()
+    notes: tuple[str, ...] = ()
