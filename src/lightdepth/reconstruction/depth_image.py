@@ -8,13 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from lightdepth.directions import pixel_solid_angles
 from lightdepth.errors import InputError
 from lightdepth.images.exr import read_exr
+from lightdepth.regions import connected_regions
 
 FloatArray = NDArray[np.float64]
 
@@ -228,7 +228,7 @@ def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray
     """
     result = reciprocal.copy()
     known = known & (reciprocal > 0.0)
-    regions, count = _label(unknown)
+    regions, count = connected_regions(unknown)
     low, high = np.full(count + 1, np.inf), np.zeros(count + 1)
     for beside, value in zip(_neighbours(known), _neighbours(reciprocal), strict=True):
         border = unknown & beside
@@ -245,16 +245,6 @@ def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray
             here = regions[region]
             result[region] = np.clip(_solve(reciprocal, region, known, constant), 0.5 * low[here], 4.0 * high[here])
     return result
-
-
-def _label(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
-    """Connected regions of a panorama from 1 on, joined across its left and right edge; 0 elsewhere."""
-    labels, count = ndimage.label(mask)
-    for row in range(len(labels)):
-        left, right = labels[row, 0], labels[row, -1]
-        if left and right and left != right:
-            labels[labels == right] = left
-    return labels, count
 
 
 def _neighbours(values: NDArray) -> list[NDArray]:
