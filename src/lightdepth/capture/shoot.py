@@ -13,7 +13,15 @@ from lightdepth.capture.brackets import Bracket, brackets_in_folder, group_by_ex
 from lightdepth.capture.exposure import Exposure, read_exposures
 from lightdepth.capture.fisheye import Circle, find_circle
 from lightdepth.capture.merging import Merged, Progress, merge, shared_response
-from lightdepth.capture.photograph import PHOTOGRAPHS, Codes, read_photograph
+from lightdepth.capture.photograph import (
+    PHOTOGRAPHS,
+    Codes,
+    WhiteBalance,
+    foreign_profile,
+    mirrored_back,
+    read_photograph,
+    shared_white_balance,
+)
 from lightdepth.capture.response import Response
 from lightdepth.capture.stitching import Orientation
 from lightdepth.errors import InputError
@@ -121,6 +129,10 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
     for bracket in brackets:
         if len(bracket) < max(sizes):
             warnings.append(f"{bracket[0][0].name}: its bracket has {len(bracket)} of {max(sizes)} exposures")
+    white_balance = shared_white_balance([path for bracket in brackets for path, _ in bracket])
+    profile = foreign_profile(brackets[0][0][0])
+    if profile:
+        warnings.append(f"{brackets[0][0][0].name}: its colour profile '{profile}' is not applied; sRGB is assumed")
     response, source = options.response, "given"
     if response is None:
         response, source = shared_response(brackets, progress)
@@ -130,7 +142,7 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
     if circle == "auto":
         # One lens, one circle: the median of three brackets' is steadier than each one's own.
         chosen = [brackets[index] for index in sorted({0, len(brackets) // 2, len(brackets) - 1})]
-        circles = [find_circle(_from_bright_to_dark(bracket)) for bracket in chosen]
+        circles = [find_circle(_from_bright_to_dark(bracket, white_balance)) for bracket in chosen]
         circle = Circle(*np.median([(each.x, each.y, each.radius) for each in circles], axis=0).tolist())
     orientations = []
     for index, bracket in enumerate(brackets):
@@ -138,19 +150,20 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
         def tick(what: str, done: int, total: int, index: int = index) -> None:
             progress(what, index * total + done, len(brackets) * total)
 
-        merged = merge(bracket, response, circle, options.align, options.deghost, upright=False, progress=tick)
+        merged = merge(bracket, response, circle, options.align, options.deghost, False, tick, white_balance)
         orientations.append(_orientation(bracket, merged, options.circle is None))
     names = [[path.name for path, _ in bracket] for bracket in brackets]
     return Shoot(orientations, response, source, names, brackets[0][0][1], warnings)
 
 
-def _from_bright_to_dark(bracket: Bracket) -> Iterator[Codes]:
+def _from_bright_to_dark(bracket: Bracket, white_balance: WhiteBalance | None) -> Iterator[Codes]:
+    mirroring, _ = mirrored_back(bracket[0][1].orientation)
     for path, _ in sorted(bracket, key=lambda pair: -pair[1].amount):
-        yield read_photograph(path)
+        yield read_photograph(path, mirroring, white_balance)
 
 
 def _orientation(bracket: Bracket, merged: Merged, with_roll: bool) -> Orientation:
-    roll = ROLLS.get(bracket[0][1].orientation, 0.0) if with_roll else 0.0
+    roll = ROLLS.get(mirrored_back(bracket[0][1].orientation)[1], 0.0) if with_roll else 0.0
     return Orientation(bracket[0][0].name, merged.radiance, merged.seen, ~(merged.clipped | merged.black), roll)
 
 

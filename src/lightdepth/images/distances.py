@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-import OpenImageIO
 from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, warn
 from lightdepth.images.exr import ExrHeader, ExrReader
+from lightdepth.images.pixels import read_pixels
 
 FloatArray = NDArray[np.float64]
 Kind = Literal["ray", "z", "disparity"]
@@ -180,22 +180,12 @@ def _from_npy(path: Path) -> np.ndarray:
 
 
 def _from_png(path: Path) -> np.ndarray:
-    image = OpenImageIO.ImageInput.open(str(path))
-    if image is None or image.format_name() != "png":
-        OpenImageIO.geterror()
-        raise InputError(f"{path}: not a readable PNG file")
-    spec = image.spec()
-    kind, channels = str(spec.format), spec.nchannels
-    if kind != "uint16" or channels != 1:
-        image.close()
-        bits = 16 if kind == "uint16" else 8
-        raise InputError(f"{path}: has {channels} channel(s) of {bits} bit; depth needs one channel of 16 bit")
-    values = image.read_image(0, 0, 0, 1, "uint16")
-    image.geterror()
-    image.close()
-    if values is None:
-        raise InputError(f"{path}: not a readable PNG file: its pixels are damaged or cut off")
-    return np.asarray(values)
+    values = read_pixels(path, "PNG file")
+    if values.dtype != np.uint16 or values.shape[2] != 1:
+        raise InputError(
+            f"{path}: has {values.shape[2]} channel(s) of {8 * values.itemsize} bit; depth needs one channel of 16 bit"
+        )
+    return values[:, :, 0]
 
 
 READERS: dict[str, Callable[[Path], np.ndarray]] = {".exr": _from_exr, ".png": _from_png, ".npy": _from_npy}

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import InputError, warn
 from lightdepth.images.chromaticities import CIE_XYZ, converted, to_rec709
+from lightdepth.images.pixels import read_pixels
 from lightdepth.images.writing import whole_file
 
 _LONGEST_HEADER = 2**16
@@ -161,15 +162,10 @@ def _run_lengths(path: Path, header: RgbeHeader) -> NDArray[np.float32]:
             target.write(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + size.encode())
             while block := source.read(2**24):
                 target.write(block)
-        image = OpenImageIO.ImageInput.open(str(plain))
-        if image is None:
-            OpenImageIO.geterror()
-            raise _damaged(path)
-        pixels = image.read_image(0, 0, 0, 3, "float")
-        image.geterror()  # OpenImageIO prints what nobody asked for.
-        image.close()
-    if pixels is None:
-        raise _damaged(path)
+        try:
+            pixels = read_pixels(plain, "Radiance HDR file")
+        except InputError as error:
+            raise _damaged(path) from error
     return pixels
 
 
