@@ -12,6 +12,7 @@ from lightdepth.capture.photograph import foreign_profile, read_photograph, shar
 from lightdepth.capture.response import linear_response
 from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError, InputWarning
+from lightdepth.images.exr import ExrPart, write_exr
 from tests.support.dng import write_dng
 
 FAULTS = Path(__file__).parents[1] / "faults"
@@ -160,3 +161,20 @@ def test_other_colour_profiles_are_named(tmp_path):
     (tmp_path / "t.csv").write_text("file,time\nlab.jpg,1\n")
     shoot = read_shoot([tmp_path / "lab.jpg"], MergeOptions(exposures=tmp_path / "t.csv"))
     assert any("colour profile 'Lab" in warning for warning in shoot.warnings)
+
+
+def test_hdr_images_with_layers_alpha_and_impossible_pixels(tmp_path):
+    planes = {name: np.full((8, 8), 2.0, np.float32) for name in "RGB"}
+    alpha = np.ones((8, 8), np.float32)
+    alpha[0] = 0.0
+    planes["R"][5, 5] = np.nan
+    albedo = ExrPart({name: np.full((8, 8), 0.5, np.float32) for name in "RGB"}, "albedo")
+    write_exr(tmp_path / "a.exr", [albedo, ExrPart(planes | {"A": alpha}, "beauty")])
+    shoot = read_shoot([tmp_path / "a.exr"], MergeOptions())
+    (orientation,) = shoot.orientations
+    assert not orientation.seen[0].any()
+    assert not orientation.seen[5, 5]
+    assert orientation.seen.sum() == 55
+    assert (orientation.radiance[orientation.seen] == 2.0).all()
+    assert np.isfinite(orientation.radiance).all()
+    assert shoot.warnings == ["a.exr: 1 pixels are not finite; they count as not photographed"]

@@ -25,7 +25,7 @@ from lightdepth.capture.photograph import (
 from lightdepth.capture.response import Response
 from lightdepth.capture.stitching import Orientation
 from lightdepth.errors import InputError
-from lightdepth.images.exr import read_exr
+from lightdepth.images.beauty import Beauty, read_beauty
 from lightdepth.images.radiance import READERS, read_radiance
 
 ROLLS = {3: 180.0, 6: 90.0, 8: -90.0}
@@ -168,13 +168,15 @@ def _orientation(bracket: Bracket, merged: Merged, with_roll: bool) -> Orientati
 
 
 def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) -> Shoot:
-    orientations = []
+    orientations, warnings = [], []
     for index, path in enumerate(paths):
-        radiance = np.ascontiguousarray(np.nan_to_num(read_radiance(path), nan=0.0, posinf=0.0))
-        seen = np.ones(radiance.shape[:2], dtype=bool)
-        if path.suffix.lower() == ".exr":
-            alpha = read_exr(path)[0].channels.get("A")
-            seen = seen if alpha is None else alpha > 0.5
+        picture = read_beauty(path) if path.suffix.lower() == ".exr" else Beauty(read_radiance(path), None)
+        radiance = picture.radiance
+        finite = np.isfinite(radiance).all(axis=2)
+        if not finite.all():
+            warnings.append(f"{path.name}: {(~finite).sum()} pixels are not finite; they count as not photographed")
+            radiance = np.where(finite[..., None], radiance, np.float32(0.0))
+        seen = finite if picture.alpha is None else finite & (picture.alpha > 0.5)
         circle = options.circle
         if circle == "auto" and seen.all():
             circle = find_circle([_as_photograph(radiance)])
@@ -187,7 +189,7 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
             Orientation(path.name, radiance * seen[..., None], seen, np.asarray((radiance > 0.0).any(axis=2)))
         )
         progress("reading", index + 1, len(paths))
-    return Shoot(orientations, None, "HDR images", [[path.name] for path in paths])
+    return Shoot(orientations, None, "HDR images", [[path.name] for path in paths], None, warnings)
 
 
 def _as_photograph(radiance: np.ndarray) -> np.ndarray:

@@ -173,10 +173,28 @@ def stitch(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on a terminal; elsewhere, as in a log, a line for every step and every tenth of one."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _log_lines(console)
+        return
     columns = (TextColumn("{task.description:28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("reading")
         yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+
+
+def _log_lines(console: Console) -> Callable[[str, int, int], None]:
+    written: tuple[str, int] | None = None
+
+    def progress(what: str, done: int, total: int) -> None:
+        nonlocal written
+        now = (what, 10 * done // max(total, 1))
+        if now != written:
+            console.print(f"{what}: {done} of {total}", highlight=False, markup=False)
+            written = now
+
+    return progress
 
 
 def _circle(text: str | None) -> Circle | str | None:
