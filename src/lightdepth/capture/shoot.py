@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.capture.brackets import Bracket, brackets_in_folder, group_by_exposure
 from lightdepth.capture.exposure import Exposure, read_exposures
@@ -172,7 +173,7 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
     for index, path in enumerate(paths):
         picture = read_beauty(path) if path.suffix.lower() == ".exr" else Beauty(read_radiance(path), None)
         radiance = picture.radiance
-        finite = np.isfinite(radiance).all(axis=2)
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(radiance).all(axis=2))
         if not finite.all():
             warnings.append(f"{path.name}: {(~finite).sum()} pixels are not finite; they count as not photographed")
             radiance = np.where(finite[..., None], radiance, np.float32(0.0))
