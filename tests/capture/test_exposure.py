@@ -100,6 +100,14 @@ def test_exposures_may_repeat_within_a_bracket(times, size):
     assert sizes == [size] * (len(times) // size) + ([len(times) % size] if len(times) % size else [])
 
 
+def test_brackets_that_repeat_are_found_in_a_folder(tmp_path):
+    """The aperture is what changes, and f/8 comes twice."""
+    for index in range(18):
+        aperture = (16, 11.3, 8, 8, 5.7, 4)[index % 6]
+        write_photograph(tmp_path / f"IMG_{index:04d}.jpg", GREY, 1 / 60, index, aperture=aperture)
+    assert [len(group) for group in brackets_in_folder(tmp_path)] == [6, 6, 6]
+
+
 def test_equal_exposures_are_no_bracket():
     assert [len(group) for group in group_by_exposure(named([4] * 6))] == [1] * 6
 

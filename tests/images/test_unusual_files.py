@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import OpenEXR
+import OpenImageIO
 import pytest
 
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.beauty import read_beauty
-from lightdepth.images.exr import ExrPart, read_exr, write_exr
+from lightdepth.images.exr import ExrPart, ExrReader, read_exr, write_exr
 from lightdepth.images.radiance import read_radiance, write_radiance
 from tests.images.exr_bytes import uncompressed_exr
 
@@ -220,6 +221,30 @@ def test_gamma_is_named(tmp_path):
     radiance_file(tmp_path / "x.hdr", b"GAMMA=2.2\n", mantissas())
     with pytest.warns(InputWarning, match="GAMMA=2.2 in its header is not applied"):
         read_radiance(tmp_path / "x.hdr")
+
+
+def test_a_header_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path):
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(1.0))])
+    data = (tmp_path / "x.exr").read_bytes()
+    window = np.array([0, 0, SIZE[1] - 1, SIZE[0] - 1], "<i4").tobytes()
+    huge = np.array([0, 0, 39_999, 19_999], "<i4").tobytes()
+    assert data.count(window) == 2
+    (tmp_path / "x.exr").write_bytes(data.replace(window, huge))
+    with pytest.raises(InputError, match="its header claims more pixels than it can hold"):
+        read_exr(tmp_path / "x.exr")
+
+
+def test_a_plain_picture_may_be_very_small(tmp_path):
+    image = OpenImageIO.ImageOutput.create(str(tmp_path / "x.exr"))
+    spec = OpenImageIO.ImageSpec(6000, 3000, 1, "float")
+    spec.channelnames = ("Y",)
+    spec["compression"] = "dwab"
+    assert image.open(str(tmp_path / "x.exr"), spec)
+    assert image.write_image(np.zeros((3000, 6000, 1), np.float32))
+    image.close()
+    assert (tmp_path / "x.exr").stat().st_size < 72e6 / 3000
+    with ExrReader(tmp_path / "x.exr") as reader:
+        assert reader.headers[0].display_window == (0, 0, 6000, 3000)
 
 
 def test_damaged_exr_files_are_refused_without_a_sound(tmp_path, capfd):

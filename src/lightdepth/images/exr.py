@@ -21,8 +21,9 @@ import OpenImageIO
 from lightdepth.errors import InputError, warn
 from lightdepth.images.writing import whole_file
 
-_MOST_COMPRESSED = 2000
-"""No compression of the format makes a picture smaller than this; a header that says so is damaged."""
+_MOST_COMPRESSED, _MOST_COMPRESSED_BY_WAVES = 2000, 200_000
+"""No lossless compression of the format makes a picture smaller than this, and none that keeps cosines or wavelets
+smaller than that; a header that says so is damaged."""
 _SMALL = 2**26
 _ENVMAPS = {"LatLong Environment": "latlong", "CubeFace Environment": "cube"}
 _ENVMAP_MARKS = {"latlong": OpenEXR.ENVMAP_LATLONG, "cube": OpenEXR.ENVMAP_CUBE}
@@ -148,7 +149,9 @@ class ExrReader:
         sizes = (spec.full_width, spec.full_height), (spec.width, spec.height)
         stored = sum(_bytes(str(kind)) for kind in _types(spec)) * spec.width * spec.height
         largest = max(stored, 4 * spec.full_width * spec.full_height)
-        if largest > max(_SMALL, _MOST_COMPRESSED * self._path.stat().st_size) or min(map(min, sizes)) < 1:
+        waves = str(spec.getattribute("compression")).startswith(("dwa", "ht", "b44"))
+        most = _MOST_COMPRESSED_BY_WAVES if waves else _MOST_COMPRESSED
+        if largest > max(_SMALL, most * self._path.stat().st_size) or min(map(min, sizes)) < 1:
             raise _unreadable(
                 self._path, f"its header claims {spec.width} x {spec.height} pixels, which it cannot hold"
             )
@@ -261,6 +264,7 @@ def _pending_error(source: OpenImageIO.ImageInput | None = None) -> str:
 def _unreadable(path: Path, reason: str) -> InputError:
     known = {
         "Subsampled channels": "it holds luminance and subsampled chroma (Y, RY, BY); save it as R, G, B",
+        "claims a": "its header claims more pixels than it can hold",
         "EXR_ERR_FILE_BAD_HEADER": "it does not start like one",
         "END_OF_FILE": "it is cut off",
         "End of file": "it is cut off",
