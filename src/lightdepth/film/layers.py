@@ -117,7 +117,7 @@ def read_frame(path: Path) -> Frame:
     )
 
 
-def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx") -> None:
+def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx-like") -> None:
     """Write a frame's finished image as PNG for the screen, transparent outside the camera's image.
 
     Args:
