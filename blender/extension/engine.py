@@ -88,7 +88,7 @@ class LightdepthEngine(bpy.types.RenderEngine):
                 if event["event"] == "progress":
                     self.update_progress(min(max(float(event.get("fraction", 0.0)), 0.0), 1.0))
                     self.update_stats("", _status(event))
-                elif event["event"] in ("preview", "done", "interrupted"):
+                elif event["event"] == "picture":
                     self._show(picture, size, layer)
                     shown = True
         except RendererError:

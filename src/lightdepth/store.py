@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 
 FORMAT = 1
 """Number of the file format; raise it when that changes."""
@@ -56,7 +56,7 @@ class Entry:
 class Store:
     """Arrays by key, in a folder that is made when the first entry is written.
 
-    Nothing here raises because of what the disk holds or refuses: it is logged, and the work goes on without.
+    Nothing here raises because of what the disk holds or refuses: it is warned of or logged, and the work goes on without.
 
     Args:
         folder: where the entries are.
@@ -67,7 +67,7 @@ class Store:
         self.folder, self.limit = folder, limit
 
     def read(self, key: str) -> dict[str, NDArray] | None:
-        """The arrays of a key; ``None`` where there is none, or where the entry is damaged, which is logged.
+        """The arrays of a key; ``None`` where there is none, or where the entry is damaged, with a warning.
 
         Args:
             key: hexadecimal digits.
@@ -78,12 +78,12 @@ class Store:
         except FileNotFoundError:
             return None
         except OSError as error:
-            log.warning("%s: cannot be read (%s); the place is prepared again", path, error.strerror)
+            warn(f"{path}: cannot be read ({error.strerror}); the place is prepared again")
             return None
         try:
             arrays = _unpacked(contents, key)
         except ValueError as error:
-            log.warning("%s: damaged cache entry (%s); the place is prepared again", path, error)
+            warn(f"{path}: damaged cache entry ({error}); the place is prepared again")
             return None
         with contextlib.suppress(OSError):
             os.utime(path)

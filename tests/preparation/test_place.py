@@ -10,6 +10,7 @@ from lightdepth.kernel.start import start
 start("cpu")
 
 import lightdepth  # noqa: E402
+from lightdepth.errors import InputWarning  # noqa: E402
 from lightdepth.preparation.place import forget_places, prepare_place  # noqa: E402
 from lightdepth.recovery.parameters import DEFAULT  # noqa: E402
 from lightdepth.store import Store  # noqa: E402
@@ -109,7 +110,7 @@ def test_a_picture_from_the_cache_is_the_picture_without(tmp_path, monkeypatch):
             np.testing.assert_array_equal(getattr(frame, name), getattr(without, name), err_msg=name)
 
 
-def test_the_cache_gives_what_was_recovered_and_nothing_else(tmp_path, monkeypatch, caplog):
+def test_the_cache_gives_what_was_recovered_and_nothing_else(tmp_path, monkeypatch):
     store = Store(tmp_path)
     first = prepared_afresh(scene(), store=store)
     with monkeypatch.context() as patch:
@@ -119,10 +120,8 @@ def test_the_cache_gives_what_was_recovered_and_nothing_else(tmp_path, monkeypat
     np.testing.assert_array_equal(first.errors.error, second.errors.error)
     (entry,) = store.entries()
     contents = entry.path.read_bytes()
-    for damaged in (contents[:100], contents[: len(contents) // 2], contents[:-1] + bytes([contents[-1] ^ 1])):
+    for damaged in (contents[:100], contents[:-1] + bytes([contents[-1] ^ 1])):
         entry.path.write_bytes(damaged)
-        caplog.clear()
-        assert_same(first, prepared_afresh(scene(), store=store))
-        assert str(entry.path) in caplog.text
-        assert "damaged" in caplog.text
+        with pytest.warns(InputWarning, match=f"{entry.path}: damaged"):
+            assert_same(first, prepared_afresh(scene(), store=store))
         assert entry.path.read_bytes() == contents

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -139,15 +139,18 @@ def layout(
 
 @app.command()
 def from_depth(
-    depth: Annotated[
-        Path, typer.Argument(help="Equirectangular distances: .exr (channel Z, Y or R), 16-bit .png, .npy.")
-    ],
+    depth: Annotated[Path, typer.Argument(help="Equirectangular distances: .exr (channel Z), 16-bit .png, .npy.")],
     output: Output,
     panorama: Panorama = None,
     scale: Annotated[
-        float | None, typer.Option(min=1e-9, help="Metres per unit of the file; a PNG must have it.")
+        float | None, typer.Option(min=1e-9, help="Metres per unit of the file; whole numbers must have it.")
+    ] = None,
+    kind: Annotated[
+        Literal["ray", "z", "disparity"] | None,
+        typer.Option(help="Distances along the ray (the default), along the viewing axis, or reciprocal ones."),
     ] = None,
     sky: Annotated[bool, typer.Option("--sky", help="What was not measured is sky, not a hole.")] = False,
+    sky_beyond: Annotated[float | None, typer.Option(min=0.0, help="Distances from here on are sky, metres.")] = None,
     max_width: Annotated[int, typer.Option(min=64, max=4096, help="Wider images are reduced to this.")] = 1024,
     floor_tolerance: FloorTolerance = 0.03,
     no_floor: NoFloor = False,
@@ -171,7 +174,7 @@ def from_depth(
     from lightdepth.reconstruction.result import closed
 
     place = read_place(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
-    image = read_depth_image(depth, scale, sky)
+    image = read_depth_image(depth, scale, sky, kind, sky_beyond)
     with _progress() as progress:
         task = progress.add_task("Meshing the depth", total=1.0)
         measured = surfaces_from_depth(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import logging
+import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
@@ -16,23 +16,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lightdepth
+from lightdepth.cancellation import raise_if_cancelled
+from lightdepth.errors import warn
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
+from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
 from lightdepth.recovery.support_irradiance import IrradianceErrors, recover_irradiance
 from lightdepth.recovery.unseen_albedo import recover_hidden
-from lightdepth.scene.content import content_digest, place_digest
-from lightdepth.scene.model import RealSurface, Role, Scene
+from lightdepth.scene.identity import digest, place_digest
+from lightdepth.scene.model import Gloss, RealSurface, Role, Scene
 from lightdepth.store import Store
 
 KEPT = 2
 """Prepared places that a process keeps."""
 CODE = ("kernel", "lightmap", "place", "preparation", "recovery", "scene/meshes")
 """Folders whose code decides what is recovered: a place that other code recovered is not the same."""
-
-log = logging.getLogger(__name__)
+ERROR_FIELDS = fields(IrradianceErrors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +81,14 @@ def prepare_place(
     arrays = None if store is None else store.read(key)
     recovered = None if arrays is None else _unpacked(arrays, modelled)
     if recovered is None:
-        recovered = _recovered(scene, empty, modelled, parameters)
+        recovered = _recover(scene, empty, modelled, parameters)
         if store is not None:
-            store.write(key, _packed(*recovered), str(scene.panorama.path or "made in memory"))
-    real, errors = recovered
+            store.write(key, _packed(recovered), str(scene.panorama.path or "made in memory"))
+    real, errors = recovered.real, recovered.errors
     surfaces = TracedSurfaces(real)
     place = empty.with_surfaces(surfaces)
+    if recovered.mirrored is not None:
+        place = place.with_mirrored(recovered.mirrored)
     if modelled.deformed:
         place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)
     prepared = PreparedPlace(place, real, errors)
@@ -105,14 +109,25 @@ _kept: OrderedDict[str, PreparedPlace] = OrderedDict()
 _lock = threading.Lock()
 
 
-def _recovered(
-    scene: Scene, empty: Place, modelled: RealSurfaces, parameters: RecoveryParameters
-) -> tuple[RealSurfaces, IrradianceErrors]:
+@dataclass(frozen=True, eq=False)
+class _Recovered:
+    """What inverse rendering found: ``real`` and ``errors`` of :class:`PreparedPlace`, and what glossy surfaces mirror."""
+
+    real: RealSurfaces
+    errors: IrradianceErrors
+    mirrored: NDArray[np.float32] | None
+
+
+def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: RecoveryParameters) -> _Recovered:
     generator = np.random.default_rng(scene.render.seed)
     samples = scene.render.irradiance_samples
     if not (empty.infinite or modelled.deformed or scene.render.draft):  # It would be a quarter of a draft's time.
         empty, modelled = recover_hidden(empty, modelled, generator, samples, parameters)
-    return recover_irradiance(empty, modelled, generator, samples, parameters)
+    raise_if_cancelled()
+    modelled = with_fitted_glosses(empty, modelled)
+    real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
+    raise_if_cancelled()
+    return _Recovered(real, errors, recover_mirrored(empty, modelled))
 
 
 def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
@@ -130,33 +145,37 @@ def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
 def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
     settings = scene.render
     choices = (infinite, settings.seed, settings.irradiance_samples, settings.draft)
-    return content_digest(place_digest(scene), choices, parameters, str(mi.variant()), mi.__version__, _code())
+    return digest(place_digest(scene), choices, parameters, str(mi.variant()), mi.__version__, _code())
 
 
 @cache
 def _code() -> str:
     """Digest of the version and of the code that recovers places: who changes it must not get what the old one made."""
-    root = Path(lightdepth.__file__).parent
-    files = sorted(file for folder in CODE for file in (root / folder).rglob("*.py"))
-    texts = tuple((str(file.relative_to(root)), file.read_bytes()) for file in files)
-    return content_digest(metadata.version("lightdepth"), texts)
+    root, state = Path(lightdepth.__file__).parent, hashlib.sha256(metadata.version("lightdepth").encode())
+    for file in sorted(file for folder in CODE for file in (root / folder).rglob("*.py")):
+        state.update(f"{file.relative_to(root)};".encode() + file.read_bytes())
+    return state.hexdigest()
 
 
-def _packed(real: RealSurfaces, errors: IrradianceErrors) -> dict[str, NDArray]:
-    """All arrays by name; what else there is of them follows from the surfaces as modelled."""
-    arrays = {f"real.{name}": value for name, value in vars(real).items() if isinstance(value, np.ndarray)}
-    arrays |= {f"errors.{each.name}": np.asarray(getattr(errors, each.name)) for each in fields(errors)}
-    return arrays
+def _packed(recovered: _Recovered) -> dict[str, NDArray]:
+    """All of it as arrays by name."""
+    arrays = {f"real.{name}": value for name, value in vars(recovered.real).items() if isinstance(value, np.ndarray)}
+    rows = [[gloss.roughness, gloss.specular, gloss.scale, *gloss.albedo] for gloss in recovered.real.glosses]
+    arrays["glosses"] = np.array(rows, np.float64).reshape(-1, 6)
+    arrays |= {f"errors.{each.name}": np.asarray(getattr(recovered.errors, each.name)) for each in ERROR_FIELDS}
+    return arrays if recovered.mirrored is None else {**arrays, "mirrored": recovered.mirrored}
 
 
-def _unpacked(arrays: dict[str, NDArray], modelled: RealSurfaces) -> tuple[RealSurfaces, IrradianceErrors] | None:
-    """The reverse of :func:`_packed`; ``None`` where something is missing."""
+def _unpacked(arrays: dict[str, NDArray], modelled: RealSurfaces) -> _Recovered | None:
+    """The reverse of :func:`_packed`; ``None``, with a warning, where something is missing."""
     wanted = {f"real.{name}" for name, value in vars(modelled).items() if isinstance(value, np.ndarray)}
-    wanted |= {f"errors.{each.name}" for each in fields(IrradianceErrors)}
-    if wanted != set(arrays):
-        log.warning("a cached place lacks %s; it is prepared again", ", ".join(sorted(wanted - set(arrays))))
+    wanted |= {"glosses", *(f"errors.{each.name}" for each in ERROR_FIELDS)}
+    if missing := wanted - set(arrays):
+        warn(f"a cached place lacks {', '.join(sorted(missing))}; it is prepared again")
         return None
     real = {name.removeprefix("real."): value for name, value in arrays.items() if name.startswith("real.")}
-    errors = {name.removeprefix("errors."): value for name, value in arrays.items() if name.startswith("errors.")}
-    errors["vertices"] = int(errors["vertices"])  # type: ignore[assignment]
-    return replace(modelled, **real), IrradianceErrors(**errors)  # type: ignore[arg-type]
+    rows = arrays["glosses"].tolist()
+    glosses = tuple(Gloss(roughness, specular, scale, tuple(albedo)) for roughness, specular, scale, *albedo in rows)
+    points, irradiance, error = (arrays[f"errors.{name}"] for name in ("points", "irradiance", "error"))
+    errors = IrradianceErrors(int(arrays["errors.vertices"]), points, irradiance, error)
+    return _Recovered(replace(modelled, **real, glosses=glosses), errors, arrays.get("mirrored"))

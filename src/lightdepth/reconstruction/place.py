@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +16,7 @@ from lightdepth.images.validation import validate_panorama
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.schema import PanoramaTable, SceneFile
+from lightdepth.toml_file import read_toml
 
 Three = tuple[float, float, float]
 
@@ -89,13 +89,7 @@ def parse_three(text: str | None, option: str) -> Three | None:
 
 
 def _panorama_table(path: Path) -> PanoramaTable:
-    try:
-        text = path.read_text(encoding="utf-8")
-        document = tomllib.loads(text)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: not a readable TOML file ({error})") from error
+    text, document = read_toml(path)
     document = {key: value for key, value in document.items() if key == "panorama"}
     try:
         return SceneFile.model_validate(document, context={"folder": path.parent}).panorama

@@ -23,6 +23,7 @@ def estimate_on_mesh(
     samples: int,
     tolerance: float,
     parameters: RecoveryParameters = DEFAULT,
+    whole_levels: bool = False,
 ) -> tuple[RefinedMesh, NDArray[np.float32]]:
     """Estimate the irradiance of support at vertices as dense as this needs.
 
@@ -33,6 +34,7 @@ def estimate_on_mesh(
         samples: of each technique at each point, an even number; fewer also refine less, since noise hides deviations.
         tolerance: relative deviation at an edge's middle above which the edge is halved.
         parameters: where refinement ends.
+        whole_levels: end before the first level of which not all can be afforded; else its worst faces are refined.
 
     Returns:
         The refined mesh and the irradiance at its vertices, shape (n, 3), float32, smoothed as far as it is noise.
@@ -48,8 +50,9 @@ def estimate_on_mesh(
     for _ in range(parameters.levels):
         edges = find_edges(mesh.faces)
         lengths = mesh.lengths(edges)
-        candidate = _candidates(edges, error, lengths > 2.0 * parameters.shortest_edge, most - len(mesh.points))
-        if not candidate.any():
+        afforded = len(edges.ends) if whole_levels else most - len(mesh.points)
+        candidate = _candidates(edges, error, lengths > 2.0 * parameters.shortest_edge, afforded)
+        if not candidate.any() or (whole_levels and np.count_nonzero(candidate) > most - len(mesh.points)):
             break
         normals = mesh.vertex_normals()[edges.ends[:, 0]]
         middles = mesh.middles(edges)

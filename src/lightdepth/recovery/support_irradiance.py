@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from lightdepth.place.object_bounds import Sphere
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
-from lightdepth.place.support_scattering import SpecularLobes
-from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
+from lightdepth.recovery.irradiance import estimate_irradiance
 from lightdepth.recovery.irradiance_mesh import estimate_on_mesh
 from lightdepth.recovery.mesh_components import separate, wind_toward_capture, with_refined
 from lightdepth.recovery.mesh_refinement import RefinedMesh
@@ -114,23 +113,8 @@ def recover_irradiance(
     mesh, irradiance = estimate_on_mesh(
         place, support, generator, samples, parameters.interpolation_tolerance, parameters
     )
-    mirrored = np.zeros_like(irradiance)
-    if surfaces.glosses:
-        gloss = np.zeros(len(mesh.points), np.uint32)
-        gloss[mesh.faces] = support.gloss[mesh.parent][:, None]
-        shiny = np.flatnonzero(gloss)
-        mirrored[shiny] = estimate_mirrored(
-            place,
-            mesh.inside()[shiny],
-            mesh.vertex_normals()[shiny],
-            SpecularLobes(surfaces.glosses),
-            gloss[shiny],
-            generator,
-            samples,
-            parameters,
-        )
     errors = _check(place, mesh, irradiance, generator, samples, parameters)
-    return with_refined(surfaces, receiving, support, lay_out(mesh, parameters), irradiance, mirrored), errors
+    return with_refined(surfaces, receiving, support, lay_out(mesh, parameters), irradiance), errors
 
 
 def _check(

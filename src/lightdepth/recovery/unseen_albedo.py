@@ -74,30 +74,31 @@ def recover_hidden(
     if not chosen.any() or not len(seen.points):
         return place, surfaces
     part = separate(modelled, chosen)
+    few = min(samples, parameters.unseen_mesh_samples)
     mesh, irradiance = estimate_on_mesh(
-        place, part, generator, min(samples, parameters.unseen_mesh_samples), parameters.unseen_tolerance, parameters
+        place, part, generator, few, parameters.unseen_tolerance, parameters, whole_levels=True
     )
     samples = min(
         samples // 8 * 2,
         parameters.unseen_samples,
         max(parameters.unseen_fewest_samples, parameters.unseen_vertex_samples // len(mesh.points) // 2 * 2),
     )
-    grids, unmirrored = lay_out(mesh, parameters), np.zeros_like(irradiance)
-    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, grids, irradiance, unmirrored)))
+    grids = lay_out(mesh, parameters)
+    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, grids, irradiance)))
     number, likeness = np.flatnonzero(chosen), _likeness(part, seen, parameters)
     for _ in range(parameters.unseen_rounds):
         at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples, parameters)
         part = replace(part, unseen_albedo=_albedo(part, number, likeness, seen, at_seen, parameters))
-        place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance, unmirrored))
+        place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
         irradiance = estimate_again(place, mesh, generator, samples, parameters)
-    place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance, unmirrored))
+    place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
 
     albedo = modelled.unseen_albedo.copy()
     albedo[chosen] = part.unseen_albedo
     modelled = replace(modelled, unseen_albedo=albedo)
     environment = ~modelled.receiving
     grids = grids.of_faces(~part.receiving[grids.mesh.parent])
-    return place, with_refined(modelled, chosen & environment, part, grids, irradiance, unmirrored)
+    return place, with_refined(modelled, chosen & environment, part, grids, irradiance)
 
 
 def _hides_much(

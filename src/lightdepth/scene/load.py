@@ -15,10 +15,10 @@ from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.scene.depth import read_depth
 from lightdepth.scene.lights import SunTable
-from lightdepth.scene.materials import Material, Principled, Texture
-from lightdepth.scene.meshes import MeshPart, read_mesh_file
+from lightdepth.scene.materials import Principled, Texture
+from lightdepth.scene.meshes import MeshPart, Note, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
-from lightdepth.scene.meshes.geometry import merged, placement, transformed
+from lightdepth.scene.meshes.geometry import merged, placed, placement
 from lightdepth.scene.meshes.mirrored import split_mirrored
 from lightdepth.scene.model import (
     AnalyticShape,
@@ -88,9 +88,10 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     """
     tables, problems = read_tables(path)
     real: list[RealSurface] = []
+    notes: list[str] = []
     for number, surface in enumerate(tables.real):
         with problems.noting(("real", number)):
-            real += [] if surface is None else [_real_surface(surface)]
+            real += [] if surface is None else [_real_surface(surface, notes.append)]
     lights: list[SunLight] = []
     for number, light in enumerate(tables.lights):
         with problems.noting(("light", number)):
@@ -98,7 +99,7 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     synthetic: list[SyntheticObject] = []
     for number, thing in enumerate(tables.synthetic):
         with problems.noting(("synthetic", number)):
-            synthetic += [] if thing is None else [_synthetic_object(thing)]
+            synthetic += [] if thing is None else [_synthetic_object(thing, notes.append)]
     pose = tables.pose or CapturePose()
     panorama = _panorama(pose, tables.picture, repair, problems)
     cameras: dict[str, CameraView] = {}
@@ -109,7 +110,16 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
         pano = Equirectangular(type="equirectangular", width=panorama.radiance.shape[1])
         cameras["pano"] = _camera_view(pano, pose)
     render = RenderSettings() if tables.render is None else RenderSettings(**tables.render.model_dump())
-    scene = Scene(panorama, tuple(real), tuple(synthetic), cameras, render, path, tuple(lights))
+    scene = Scene(
+        panorama,
+        tuple(real),
+        tuple(synthetic),
+        cameras,
+        render,
+        path,
+        lights=tuple(lights),
+        notes=tuple(dict.fromkeys(notes)),
+    )
     return Contents(None if tables.pose is None else scene, len(tables.real) - len(real), problems.messages)
 
 
@@ -135,13 +145,13 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
     return panorama
 
 
-def _real_surface(table: RealTable) -> RealSurface:
-    mesh = merged([part.mesh for part in read_mesh_file(table.mesh, with_materials=False)])
+def _real_surface(table: RealTable, note: Note) -> RealSurface:
+    mesh = merged([part.mesh for part in read_mesh_file(table.mesh, with_materials=False, note=note)])
     if table.rest is not None:
         mesh = replace(mesh, rest=_rest_positions(table.rest, mesh, table.mesh))
     return RealSurface(
         name=table.name,
-        mesh=transformed(mesh, placement(table.position, table.rotation, table.scale)),
+        mesh=_placed(mesh, placement(table.position, table.rotation, table.scale), table.mesh),
         role=Role(table.role),
         gloss=None if table.gloss is None else Gloss(table.gloss.roughness, table.gloss.specular),
         opening=table.opening,
@@ -159,7 +169,7 @@ def _sun(table: SunTable) -> SunLight:
     return SunLight(table.name, table.toward(), table.diameter, np.array(table.irradiance), mask, table.mask_extent)
 
 
-def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.float32]:
+def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.floating]:
     """Vertices of the ``rest`` mesh, which must have the vertices and faces of ``mesh`` in the same order."""
     rest = merged([part.mesh for part in read_mesh_file(path, with_materials=False, keep_flat=True)])
     if len(rest.vertices) != len(mesh.vertices):
@@ -170,12 +180,12 @@ def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.float
     return rest.vertices
 
 
-def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject) -> SyntheticObject:
+def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject, note: Note) -> SyntheticObject:
     if isinstance(table, MeshObject):
         to_world = placement(table.position, table.rotation, table.scale)
-        parts = read_mesh_file(table.mesh, with_materials=table.material is None)
-        placed = [_part(part, to_world, table.material) for part in parts]
-        pieces = [piece for part in placed for half in split_mirrored(part) for piece in split_emissive(half)]
+        parts = read_mesh_file(table.mesh, with_materials=table.material is None, note=note)
+        standing = [_part(part, to_world, table) for part in parts]
+        pieces = [piece for part in standing for half in split_mirrored(part) for piece in split_emissive(half)]
         return SyntheticObject(table.name, tuple(pieces))
     if isinstance(table, SphereObject):
         to_world = placement(table.center, (0.0, 0.0, 0.0), (table.radius,) * 3)
@@ -184,10 +194,18 @@ def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject) -> Syn
     return SyntheticObject(table.name, (SyntheticPart(AnalyticShape(table.shape, to_world), table.material),))
 
 
-def _part(part: MeshPart, to_world: NDArray[np.float64], material: Material | None) -> SyntheticPart:
+def _placed(mesh: Mesh, to_world: NDArray[np.float64], path: Path) -> Mesh:
+    try:
+        return placed(mesh, to_world)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _part(part: MeshPart, to_world: NDArray[np.float64], table: MeshObject) -> SyntheticPart:
+    material = table.material
     if part.mesh.texture_coordinates is None and any(isinstance(value, Texture) for _, value in material or ()):
         raise InputError("the material has an image, but the mesh has no texture coordinates to lay it by")
-    return SyntheticPart(transformed(part.mesh, to_world), material or part.material or Principled())
+    return SyntheticPart(_placed(part.mesh, to_world, table.mesh), material or part.material or Principled())
 
 
 def _camera_view(camera: Camera, pose: CapturePose) -> CameraView:
