@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -34,7 +35,8 @@ from lightdepth.scene.model import (
 )
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.scene_file import read_tables
-from lightdepth.scene.schema import CapturePose, MeshObject, Picture, RealTable, SphereObject, UnitShapeObject
+from lightdepth.scene.schema import CapturePose, MeshObject, OnSpot, Picture, RealTable, SphereObject, UnitShapeObject
+from lightdepth.scene.spot import angles_direction, find_spot, pixel_direction, standing_placement
 
 NO_PICTURE = np.zeros((0, 0, 3), np.float32)
 """Radiance of a panorama whose image cannot be read."""
@@ -89,12 +91,12 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     for number, surface in enumerate(tables.real):
         with problems.noting(("real", number)):
             real += [] if surface is None else [_real_surface(surface)]
+    pose = tables.pose or CapturePose()
+    panorama = _panorama(pose, tables.picture, repair, problems)
     synthetic: list[SyntheticObject] = []
     for number, thing in enumerate(tables.synthetic):
         with problems.noting(("synthetic", number)):
-            synthetic += [] if thing is None else [_synthetic_object(thing)]
-    pose = tables.pose or CapturePose()
-    panorama = _panorama(pose, tables.picture, repair, problems)
+            synthetic += [] if thing is None else [_synthetic_object(thing, panorama, real)]
     cameras: dict[str, CameraView] = {}
     for name, camera in tables.cameras.items():
         with problems.noting(("camera", name)):
@@ -152,18 +154,50 @@ def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.float
     return rest.vertices
 
 
-def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject) -> SyntheticObject:
+def _synthetic_object(
+    table: MeshObject | SphereObject | UnitShapeObject, panorama: Panorama, real: Sequence[RealSurface]
+) -> SyntheticObject:
     if isinstance(table, MeshObject):
-        to_world = placement(table.position, table.rotation, table.scale)
         parts = read_mesh_file(table.mesh, with_materials=table.material is None)
+        to_world = _to_world(table, [part.mesh for part in parts], panorama, real)
         placed = [_part(part, to_world, table.material) for part in parts]
         pieces = [piece for part in placed for half in split_mirrored(part) for piece in split_emissive(half)]
         return SyntheticObject(table.name, tuple(pieces))
+    to_world = _to_world(table, [AnalyticShape(table.shape, np.eye(4))], panorama, real)
+    return SyntheticObject(table.name, (SyntheticPart(AnalyticShape(table.shape, to_world), table.material),))
+
+
+def _to_world(
+    table: MeshObject | SphereObject | UnitShapeObject,
+    bodies: Sequence[Mesh | AnalyticShape],
+    panorama: Panorama,
+    real: Sequence[RealSurface],
+) -> NDArray[np.float64]:
+    """Matrix from an object's own coordinates to the world, shape (4, 4)."""
     if isinstance(table, SphereObject):
-        to_world = placement(table.center, (0.0, 0.0, 0.0), (table.radius,) * 3)
+        to_world = placement(table.center or (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (table.radius,) * 3)
     else:
         to_world = placement(table.position, table.rotation, table.scale)
-    return SyntheticObject(table.name, (SyntheticPart(AnalyticShape(table.shape, to_world), table.material),))
+    if not table.on_spot:
+        return to_world
+    spot = find_spot(panorama, real, _spot_direction(table, panorama))
+    if spot is None:
+        key = "at" if table.at is not None else "at_angles"
+        raise InputError(
+            f"{key}: shows no real surface but {'sky' if panorama.sky or panorama.depth is not None else 'a hole'}; "
+            "take a pixel of the floor or of a table (`lightdepth where` tells what a pixel shows)"
+        )
+    return standing_placement(spot, bodies, to_world[:3, :3], table.stand, table.align)
+
+
+def _spot_direction(table: OnSpot, panorama: Panorama) -> NDArray[np.float64]:
+    if table.at_angles is not None:
+        return angles_direction(*table.at_angles)
+    assert table.at is not None
+    if not panorama.radiance.size:
+        raise InputError("at: is a pixel of the panorama, whose image cannot be read")
+    height, width = panorama.radiance.shape[:2]
+    return pixel_direction(*table.at, (height, width))
 
 
 def _part(part: MeshPart, to_world: NDArray[np.float64], material: Material | None) -> SyntheticPart:
