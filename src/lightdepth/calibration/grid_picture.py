@@ -12,10 +12,11 @@ Picture = NDArray[np.uint8]
 
 PIXELS = (255, 220, 60)
 DEGREES = (90, 220, 255)
+UNKNOWN = (230, 70, 220)
 DEGREE_STEP = 30
 
 
-def draw_grid(radiance: NDArray[np.float32]) -> Picture:
+def draw_grid(radiance: NDArray[np.float32], unknown: NDArray[np.bool_] | None = None) -> Picture:
     """Draw a grid over a panorama.
 
     Yellow lines and numbers are pixels, x along the upper edge and y along the left one; blue ones are degrees, to the
@@ -23,12 +24,18 @@ def draw_grid(radiance: NDArray[np.float32]) -> Picture:
 
     Args:
         radiance: the panorama, linear RGB, shape (height, 2 height, 3).
+        unknown: pixels to hatch, shape (height, 2 height).
 
     Returns:
         sRGB, of the panorama's size, so that a viewer's coordinates are the panorama's own.
     """
     height, width = radiance.shape[:2]
     picture = tone_map(radiance, auto_exposure(radiance))
+    if unknown is not None:
+        hatched = unknown & (
+            np.add.outer(np.arange(height), np.arange(width)) % max(8, width // 64) < max(2, width // 400)
+        )
+        picture[hatched] = UNKNOWN
     step = _round_step(width / 10)
     columns = np.arange(step, width, step)
     rows = np.arange(step, height, step)

@@ -17,16 +17,17 @@ def preview(
     """Write a panorama as a PNG that any viewer shows, with a grid of pixels (yellow) and degrees (blue).
 
     The PNG has the panorama's size, so that the coordinates that a viewer shows are those that `where`, `calibrate`,
-    `reconstruct layout` and `at` in the scene file take.
+    `reconstruct layout` and `at` in the scene file take. What the file does not show of the sphere is hatched.
 
     Example: lightdepth preview room.exr -o room.png
     """
     from rich.console import Console
+    from rich.markup import escape
 
     from lightdepth.calibration.grid_picture import draw_grid
     from lightdepth.errors import InputError
+    from lightdepth.images.panorama_file import read_panorama
     from lightdepth.images.png import write_png
-    from lightdepth.images.radiance import read_radiance
     from lightdepth.images.validation import validate_panorama
     from lightdepth.images.writing import check_writable
 
@@ -34,7 +35,10 @@ def preview(
     if target.suffix.lower() != ".png":
         raise InputError(f"-o {target}: the preview is a .png file")
     check_writable(target)
-    radiance = validate_panorama(read_radiance(panorama), panorama, repair=True)
-    write_png(target, draw_grid(radiance))
+    image = read_panorama(panorama)
+    radiance = validate_panorama(image.radiance, panorama, repair=True)
+    write_png(target, draw_grid(radiance, image.unknown))
     console = Console(stderr=True, soft_wrap=True, highlight=False)
+    for note in image.notes:
+        console.print(f"[yellow]warning:[/] {escape(note)}")
     console.print(f"wrote {target}, {radiance.shape[1]} x {radiance.shape[0]} pixels", markup=False)

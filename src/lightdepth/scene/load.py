@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Camera, Equirectangular
 from lightdepth.directions import euler_rotation, look_at_rotation
 from lightdepth.errors import InputError
-from lightdepth.images.radiance import read_radiance
+from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.scene.depth import read_depth
 from lightdepth.scene.materials import Material, Principled, Texture
@@ -117,7 +117,8 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
         with problems.noting(("panorama",)):
             panorama = replace(panorama, depth=read_depth(picture.depth))
     with problems.noting(("panorama",)):
-        found = read_radiance(picture.image)
+        image = read_panorama(picture.image)
+        found = image.radiance
         radiance = validate_panorama(found, picture.image, repair=True)
         defects = [] if radiance is found else find_defects(found)
         panorama = replace(
@@ -125,6 +126,7 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
             radiance=radiance if picture.scale == 1.0 else radiance * np.float32(picture.scale),
             path=picture.image,
             repairs=tuple(f"{picture.image}: {defect}; replaced" for defect in defects) if repair else (),
+            notes=image.notes,
         )
         if defects and not repair:
             validate_panorama(found, picture.image)
