@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lightdepth.errors import InputError
+from lightdepth.images.radiance import READERS
 from lightdepth.scene.materials.image import eight_bit
 
 _GLB_MAGIC, _GLB_JSON, _GLB_BINARY = b"glTF", b"JSON", b"BIN\0"
@@ -83,6 +84,20 @@ class GltfFile:
         if index not in self._images:
             self._images[index] = self._decoded(index)
         return self._images[index]
+
+    def radiance_file(self, index: int) -> Path | None:
+        """The file of an image of high dynamic range (.exr or .hdr beside this one), which glTF does not provide.
+
+        Raises:
+            InputError: it is missing.
+        """
+        uri = unquote(self.header["images"][index].get("uri", ""))
+        if uri.startswith("data:") or Path(uri).suffix.lower() not in READERS:
+            return None
+        file = self.path.parent / uri
+        if not file.is_file():
+            raise InputError(f"{self.path}: names the file {uri}, which does not exist in its folder")
+        return file
 
     def _decoded(self, index: int) -> NDArray[np.uint8]:
         entry = self.header["images"][index]

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.images.radiance import read_radiance
 from lightdepth.scene.materials import Texture
 from lightdepth.scene.materials.texture import SRGB_TO_LINEAR, Wrap
 from lightdepth.scene.meshes.gltf_file import GltfFile
@@ -33,7 +34,12 @@ class GltfTextures:
         self._made: dict[tuple[Any, ...], Texture] = {}
 
     def colour(self, info: Info, factor: Sequence[float]) -> Texture:
-        """Red, green and blue, decoded from sRGB, times a factor for each."""
+        """Red, green and blue, times a factor for each; decoded from sRGB but for images of radiance, which are linear."""
+        if (file := self._file.radiance_file(self._source(info))) is not None:
+            key = (json.dumps(info, sort_keys=True), file, *factor)
+            if key not in self._made:
+                self._made[key] = self._sampled(info, read_radiance(file) * np.asarray(factor, np.float32))
+            return self._made[key]
         return self._texture(info, {c: SRGB_TO_LINEAR * factor[c] for c in (RED, GREEN, BLUE)})
 
     def share(self, info: Info, channel: int, factor: float) -> Texture | float:
@@ -53,19 +59,26 @@ class GltfTextures:
         """A texture of some channels, with a table of values for the 256 codes of each."""
         key = (json.dumps(info, sort_keys=True), *((channel, t.tobytes()) for channel, t in tables.items()))
         if key not in self._made:
-            header = self._file.header
-            texture = header["textures"][info["index"]]
-            source = texture.get("extensions", {}).get("EXT_texture_webp", texture)["source"]
-            sampler = header["samplers"][texture["sampler"]] if "sampler" in texture else {}
-            codes = self._file.image(source)
+            codes = self._file.image(self._source(info))
             channels = [table.astype(np.float16)[codes[:, :, channel]] for channel, table in tables.items()]
-            self._made[key] = Texture(
-                np.stack(channels, axis=-1),
-                wrap=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
-                nearest=sampler.get("magFilter") == _NEAREST_FILTER,
-                to_uv=_to_uv(_transform(info)),
-            )
+            self._made[key] = self._sampled(info, np.stack(channels, axis=-1))
         return self._made[key]
+
+    def _source(self, info: Info) -> int:
+        """Number of the image that a texture shows."""
+        texture = self._file.header["textures"][info["index"]]
+        return int(texture.get("extensions", {}).get("EXT_texture_webp", texture)["source"])
+
+    def _sampled(self, info: Info, pixels: NDArray[np.floating]) -> Texture:
+        """Pixels as the sampler and the transform of a texture lay them."""
+        texture = self._file.header["textures"][info["index"]]
+        sampler = self._file.header["samplers"][texture["sampler"]] if "sampler" in texture else {}
+        return Texture(
+            pixels,
+            wrap=_WRAPS.get(sampler.get("wrapS", 10497), "repeat"),
+            nearest=sampler.get("magFilter") == _NEAREST_FILTER,
+            to_uv=_to_uv(_transform(info)),
+        )
 
 
 def texture_coordinate_set(info: Info) -> int:
