@@ -10,6 +10,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from lightdepth.errors import InputError
 from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
 from lightdepth.place.object_bounds import ObjectBounds
@@ -48,7 +49,7 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     modelled = merge_real_surfaces(_real_surfaces(scene))
     # What is deformed took its colour, and the light that goes with it, where it was when it was photographed.
     photographed = replace(modelled, vertices=modelled.rest)
-    empty = Place(scene.panorama, TracedSurfaces(photographed), infinite)
+    empty = Place(scene.panorama, TracedSurfaces(photographed), infinite, suns=scene.lights)
     samples = scene.render.irradiance_samples
     draft = scene.render.draft
     if not (infinite or modelled.deformed or draft):  # It would be a quarter of a draft's time.
@@ -58,7 +59,9 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     spheres = bounds.spheres if bounds is not None else []
     real, report = recover_irradiance(empty, modelled, spheres, generator, samples)
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
-    place = Place(scene.panorama, surfaces, infinite) if modelled.deformed else empty.with_surfaces(surfaces)
+    place = empty.with_surfaces(surfaces)
+    if modelled.deformed:
+        place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)
     settings = scene.render
     # The kernel of light paths takes longer to compile than a draft's noise is worth.
     polished = [] if draft else [each for each in shapes if is_polished(each[1])]
@@ -73,6 +76,11 @@ def _directional(scene: Scene) -> Prepared:
 
 
 def _envpath(scene: Scene) -> Prepared:
+    if scene.lights:
+        raise InputError(
+            f"{scene.path or 'scene'}: method 'envpath' cannot use [[light]] '{scene.lights[0].name}'; "
+            "use 'difference' or 'directional'"
+        )
     modelled = merge_real_surfaces(_real_surfaces(scene))
     shapes = tuple(synthetic_shapes(scene))
     real = support_with_scale_factors(scene, modelled)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lightdepth.checks.capture_point import capture_point_problems
 from lightdepth.checks.coverage import Coverage, hole_problems, measure_coverage
+from lightdepth.checks.lights import light_problems
 from lightdepth.checks.objects import object_problems
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
@@ -86,6 +87,7 @@ def _inspect(scene: Scene, unread: int = 0) -> Inspection:
     if not misplaced:  # Seen from a wrong point, everything else looks wrong as well.
         problems += hole_problems(coverage, unread)
         problems += [problem for surface in scene.real for problem in support_problems(surface, view)]
+        problems += light_problems(scene, view)
         problems += object_problems(scene.synthetic, view) if scene.real else []
     order = list(Severity)
     return Inspection(tuple(sorted(problems, key=lambda problem: order.index(problem.severity))), coverage)

@@ -81,5 +81,5 @@ def _surface(prepared: Prepared, ray: mi.Ray3f, inside: mi.Bool) -> tuple[mi.Vec
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, si.sh_frame.n, hit.normal & on_real)
-    seen = dr.minimum(place.photograph(hit, ray.d), 1.0) & inside
+    seen = dr.minimum(place.photograph.sharp(hit, ray.d), 1.0) & inside
     return normal, dr.select(on_synthetic, diffuse, seen)

@@ -62,7 +62,7 @@ def render_plate(
                 start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
                 ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
                 hit = place.surfaces.first_real(ray, inside)
-                total += place.photograph(hit, ray.d) & inside
+                total += place.photograph.sharp(hit, ray.d) & inside
                 share += dr.select(inside, 1.0, 0.0)
                 dr.eval(total, share)
         scale = 1.0 / subpixels**2
@@ -79,4 +79,4 @@ def _subpixels(view: CameraView, place: Place) -> int:
     _, direction, _ = view.camera.camera_rays(mi.Point2f(x, y), mi.Point2f(0.5))
     _, beside, _ = view.camera.camera_rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
     angle = float(np.max(dr.norm(direction - beside).numpy()))
-    return int(np.clip(np.ceil(angle * place.map.height / np.pi), 2, MOST_SUBPIXELS))
+    return int(np.clip(np.ceil(angle * place.photograph.map.height / np.pi), 2, MOST_SUBPIXELS))

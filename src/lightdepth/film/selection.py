@@ -41,8 +41,8 @@ def influenced_pixels(view: CameraView, prepared: Prepared) -> NDArray[np.uint32
             ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
             found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
             on_real = surfaces.is_real(found)
-            kind = surfaces.real_hit(ray, found, on_real).kind
-            reached |= inside & found.is_valid() & ~(on_real & (kind == int(FaceKind.ENVIRONMENT)))
+            hit = surfaces.real_hit(ray, found, on_real)
+            reached |= inside & found.is_valid() & (~on_real | surfaces.receives(hit))
             if middle is None:
                 middle = ray
             else:

@@ -17,27 +17,29 @@ class LightSample:
     """Places that emit light, drawn from the map.
 
     Attributes:
-        place: world position in metres where ``finite``, else unit world direction toward the sky.
+        position: world, metres where ``finite``, else the unit direction toward the sky, world.
         normal: of the real surface there, unit, world.
         density: per square metre of that surface where ``finite``, else per steradian; 0: the sample is void.
         radiance: M there.
         finite: false for sky.
         on_relit: on a surface that is relit in full, so that its light is no light of the new scene.
+        is_sun: of a declared sun, whose light passes openings.
     """
 
-    place: mi.Vector3f
+    position: mi.Vector3f
     normal: mi.Vector3f
     density: mi.Float
     radiance: mi.Color3f
     finite: mi.Bool
     on_relit: mi.Bool
+    is_sun: mi.Bool
 
 
 class LightList:
     """Light samples laid out for lookups by random numbers; never changed once made, so that renderings cannot interfere.
 
     In two packets of four, so that one is fetched with two loads from one line of the processor's cache: paths look
-    at many that lie far apart. Signs tell sky and relit surfaces from others. The radiance lies by itself, since it
+    at many that lie far apart. Signs mark the sky, relit surfaces, and suns. The radiance lies by itself, since it
     is wanted of few.
 
     Args:
@@ -48,8 +50,8 @@ class LightList:
     def __init__(self, samples: LightSample, count: int) -> None:
         largest = dr.max(samples.radiance)
         packets = (
-            mi.Vector4f(*samples.place, dr.select(samples.finite, samples.density, -samples.density)),
-            mi.Vector4f(*samples.normal, dr.select(samples.on_relit, -largest, largest)),
+            mi.Vector4f(*samples.position, dr.select(samples.finite, samples.density, -samples.density)),
+            mi.Vector4f(*samples.normal, dr.select(samples.on_relit | samples.is_sun, -largest, largest)),
             mi.Vector4f(*samples.radiance, 0.0),
         )
         dr.eval(packets)
@@ -72,13 +74,15 @@ class LightList:
         index = 2 * self._index(u)
         first = dr.gather(mi.Vector4f, self._outlines, index, active)
         second = dr.gather(mi.Vector4f, self._outlines, index + 1, active)
+        finite, marked = first.w >= 0.0, second.w < 0.0
         return LightSample(
             mi.Vector3f(first.x, first.y, first.z),
             mi.Vector3f(second.x, second.y, second.z),
             dr.abs(first.w),
             mi.Color3f(dr.abs(second.w)),
-            first.w >= 0.0,
-            second.w < 0.0,
+            finite,
+            finite & marked,
+            ~finite & marked,
         )
 
     def _index(self, u: mi.Float) -> mi.UInt32:

@@ -1,32 +1,31 @@
-"""The real place before insertion: what is seen of it from anywhere, and how to sample its light.
+"""The real place before insertion: its surfaces, and its lights behind one interface.
 
-Equations: docs/theory.md, sections 2 and 3. The paper's ``M(w, z)`` of section 4, its eq. 4 (a real point's radiance is
-read from the map in the direction from the capture point), and section 5.6 (lights at their real positions), with
-the change of measure that the paper leaves out.
+Equations: docs/theory.md, sections 1 and 2. Of its lights the photograph is the first; declared ones, which the photograph
+does not show, come beside it.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from copy import copy
+from dataclasses import fields
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned_empty
-from lightdepth.kernel.row_bands import bands
-from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.kernel.arrays import aligned
 from lightdepth.place.light_list import LightList, LightSample
-from lightdepth.place.map_distribution import MapDistribution, latlong_to_direction
-from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.place.photograph import Photograph
+from lightdepth.place.real_light import RealLight
+from lightdepth.place.sun import Sun
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
-from lightdepth.scene.model import Panorama
+from lightdepth.scene.model import Panorama, SunLight
 
-DEPTH_TOLERANCE = 0.01
-"""Relative difference of distances up to which the capture point is taken to see a real point."""
-CLEARLY_BEFORE = 2.0
-"""Pixels of the map; what lies no further from a real point's plane does not hide it for certain."""
+SUN_SHARE, MOST_SUNS_SHARE = 1 / 8, 1 / 2
+"""Of the light samples, for each sun and for all together: one in each vertex's RIS candidates is then of the sun."""
 
 
 class Place:
@@ -37,136 +36,67 @@ class Place:
         surfaces: the real surfaces to trace.
         infinite: take every depth as infinite: the directional method.
         alone: nothing but light samples finds its light, so that these must cover all of it.
+        suns: those that the photograph does not show.
+
+    Attributes:
+        photograph: the panorama in its pose.
+        lights: all lights, the photograph first.
+        suns: those of ``lights`` that are suns.
     """
 
     def __init__(
-        self, panorama: Panorama, surfaces: TracedSurfaces, infinite: bool = False, alone: bool = False
+        self,
+        panorama: Panorama,
+        surfaces: TracedSurfaces,
+        infinite: bool = False,
+        alone: bool = False,
+        suns: Sequence[SunLight] = (),
     ) -> None:
-        self.map = MapDistribution(panorama.radiance, alone)
         self.surfaces = surfaces
         self.infinite = infinite
-        self._to_world = as_matrix(panorama.rotation)
-        self._to_light = as_matrix(panorama.rotation.T)
-        self.capture = np.asarray(panorama.position, dtype=np.float64)
-        self._capture = as_point(panorama.position)
-        self._pixel_angle = math.pi / self.map.height
-        self._depth = self._depth_map()
+        self.photograph = Photograph(panorama, surfaces, infinite, alone)
+        self.suns = tuple(Sun(sun, surfaces) for sun in suns)
+        share = min(SUN_SHARE, MOST_SUNS_SHARE / max(len(self.suns), 1))
+        self._shares = [1.0 - share * len(self.suns), *(share for _ in self.suns)]
+
+    @property
+    def lights(self) -> tuple[RealLight, ...]:
+        """All lights, the photograph first."""
+        return (self.photograph, *self.suns)
+
+    @property
+    def capture(self) -> NDArray[np.float64]:
+        """The capture point, shape (3,), world, metres."""
+        return self.photograph.capture
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Place:
         """The same place traced with other meshes of the same surfaces, refined ones for instance."""
         place = copy(self)
         place.surfaces = surfaces
+        place.photograph = self.photograph.with_surfaces(surfaces)
         return place
-
-    # -- What is seen -------------------------------------------------------------------------------------------
-
-    def from_capture(self, hit: RealHit, direction: mi.Vector3f) -> tuple[mi.Vector3f, mi.Float]:
-        """``WTL q / |WTL q|`` and ``|WTL q|``; for sky the direction itself and infinity.
-
-        Args:
-            hit: the first real surfaces ``q``.
-            direction: of the rays that found them, unit, world.
-        """
-        offset = hit.point - self._capture
-        distance = dr.norm(offset)
-        seen = dr.select(hit.valid, mi.Vector3f(offset) * dr.rcp(dr.maximum(distance, 1e-20)), direction)
-        return self._to_light @ seen, dr.select(hit.valid, distance, dr.inf)
-
-    def seen(
-        self, hit: RealHit, direction: mi.Vector3f, distance: mi.Float, active: mi.Bool
-    ) -> tuple[mi.Color3f, mi.Float]:
-        """``M(q)`` and ``p_x(w)``, the density with which light sampling at ``x`` finds it.
-
-        Args:
-            hit: ``q(x, w)``, the first real surfaces along ``w``.
-            direction: ``w``, unit, world.
-            distance: from ``x`` to ``q`` in metres.
-            active: where it is wanted.
-
-        Returns:
-            Radiance, and density per steradian at ``x``: the theory's eq. (8), 0 where the capture point does not see
-            ``q``.
-        """
-        if self.infinite:
-            return self.map.radiance_and_pdf(self._to_light @ direction)
-        w0, depth = self.from_capture(hit, direction)
-        radiance, pdf = self.map.radiance_and_pdf(w0)
-        cosine_capture = dr.abs(dr.dot(hit.normal, self._to_world @ w0))
-        cosine_here = dr.abs(dr.dot(hit.normal, direction))
-        jacobian = dr.square(distance / depth) * cosine_capture / dr.maximum(cosine_here, 1e-6)
-        pdf = dr.select(hit.valid, pdf * jacobian, pdf)
-        mapped = self._mapped_depth(w0)
-        pdf = dr.select(self._capture_sees(mapped, depth, cosine_capture), pdf, 0.0)
-        front = active & hit.valid & (dr.dot(hit.normal, direction) < 0.0)
-        radiance = self._unless_hidden(radiance, hit, front & self._hidden(mapped, depth, cosine_capture))
-        if self.surfaces.deformed:
-            rest = self.surfaces.rest_point(hit, active & hit.valid)
-            at_rest = self.map.radiance(self._to_light @ dr.normalize(mi.Vector3f(rest - self._capture)))
-            radiance = dr.select(hit.valid, at_rest, radiance)
-        return radiance, pdf
-
-    def photograph(self, hit: RealHit, direction: mi.Vector3f) -> mi.Color3f:
-        """``M(q)`` as a camera sees it: sharply interpolated, at the rest position of what is deformed."""
-        point = dr.select(hit.valid, self.surfaces.rest_point(hit, hit.valid), hit.point)
-        seen = dr.select(hit.valid, dr.normalize(mi.Vector3f(point - self._capture)), direction)
-        return self.map.sharp_radiance(self._to_light @ seen)
-
-    def surface_radiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
-        """M at points of real surfaces seen from their front, at their rest positions (paper, section 5.8)."""
-        _, hidden, radiance = self.sight(mi.Vector3f(self.surfaces.rest_point(hit, active)), hit.normal)
-        return self._unless_hidden(radiance, hit, active & hidden)
-
-    def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
-        """Which real points the capture point sees, which it certainly does not, and what the photograph shows there.
-
-        Args:
-            point: world, metres.
-            normal: of the surface there, unit, world.
-        """
-        offset = point - mi.Vector3f(self._capture)
-        depth = dr.norm(offset)
-        direction = offset * dr.rcp(dr.maximum(depth, 1e-20))
-        w0 = self._to_light @ direction
-        cosine, mapped = dr.abs(dr.dot(normal, direction)), self._mapped_depth(w0)
-        return self._capture_sees(mapped, depth, cosine), self._hidden(mapped, depth, cosine), self.map.radiance(w0)
-
-    def _unless_hidden(self, photographed: mi.Color3f, hit: RealHit, hidden: mi.Bool) -> mi.Color3f:
-        """``photographed``, but where ``hidden`` what is known of the surface there, if anything is."""
-        if not self.surfaces.knows_unseen:
-            return photographed
-        unseen, known = self.surfaces.unseen_radiance(hit, hidden)
-        return dr.select(known, unseen, photographed)
 
     # -- Sampling its light -------------------------------------------------------------------------------------
 
     def presample_lights(self, generator: np.random.Generator, count: int) -> LightList:
-        """Draw a list of light samples.
+        """Draw a list of light samples, each light's ones in a row.
 
-        Each is a direction from the capture point by the map's density, followed to the first real surface. All vertices
-        of a pass share them, so that this search is paid once and not at every vertex.
+        All vertices of a pass share them, so that tracing them is paid once and not at every vertex.
 
         Args:
             generator: source of randomness.
             count: how many.
         """
-        _, w0 = self.map.sample(count, generator)
-        direction = self._to_world @ w0
-        radiance, pdf = self.map.radiance_and_pdf(w0)
-        if self.infinite or not self.surfaces.has_real:
-            place, normal, density = direction, mi.Vector3f(0.0, 0.0, 1.0), pdf
-            finite, relit = mi.Bool(False), mi.Bool(False)
-        else:
-            hit = self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True))
-            cosine = dr.abs(dr.dot(hit.normal, direction))
-            depth = dr.select(hit.valid, hit.distance, dr.inf)
-            seen = self._capture_sees(self._mapped_depth(w0), depth, cosine)
-            finite, relit = hit.valid, hit.kind == int(FaceKind.RELIT)
-            place = dr.select(finite, mi.Vector3f(hit.point), direction)
-            normal = hit.normal
-            density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
-            if self.surfaces.deformed:
-                radiance = dr.select(finite, self.surface_radiance(hit, finite), radiance)
-        return LightList(LightSample(place, normal, density, radiance, finite, relit), count)
+        if not self.suns:
+            return LightList(self.photograph.presample(generator, count), count)
+        ends = np.rint(np.cumsum(self._shares) * count).astype(int)
+        counts = np.diff(ends, prepend=0)
+        drawn = []
+        for light, share, size in zip(self.lights, self._shares, counts, strict=True):
+            sample = light.presample(generator, int(size))
+            sample.density *= share
+            drawn.append(sample)
+        return LightList(_joined(drawn, counts.tolist()), count)
 
     def toward(self, light: LightSample, point: mi.Point3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Direction, distance and density of light samples as seen from points.
@@ -178,51 +108,74 @@ class Place:
         Returns:
             ``(unit direction, distance in metres or inf, density per steradian at the point)``: eq. (8).
         """
-        offset = light.place - mi.Vector3f(point)
+        offset = light.position - mi.Vector3f(point)
         distance = dr.norm(offset)
-        direction = dr.select(light.finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), light.place)
+        direction = dr.select(light.finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), light.position)
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         pdf = dr.select(light.finite, light.density * dr.square(distance) / cosine, light.density)
         return direction, dr.select(light.finite, distance, dr.inf), pdf
 
-    # -- The depth of the map -----------------------------------------------------------------------------------
+    def likelihood(self, light: LightSample, point: mi.Point3f) -> mi.Float | float:
+        """How much light samples should weigh among RIS candidates at points, before their visibility is known."""
+        if not self.suns:
+            return 1.0
+        likely = self.suns[0].likelihood(point)
+        for sun in self.suns[1:]:
+            likely = dr.maximum(likely, sun.likelihood(point))
+        return dr.select(light.is_sun, likely, 1.0)
 
-    def _depth_map(self) -> mi.Float:
-        """``z(w)`` at the pixels' centres, metres, inf for sky."""
-        if self.infinite or not self.surfaces.has_real:
-            return mi.Float(dr.inf)
-        depth = aligned_empty((self.map.height, self.map.width))
-        for band in bands(self.map.width, self.map.height):
-            u, v = (band.column + 0.5) / self.map.width, (band.row + 0.5) / self.map.height
-            ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
-            found = self.surfaces.real.ray_intersect_preliminary(ray, coherent=True)
-            depth[band.rows] = dr.select(found.is_valid(), found.t, dr.inf).numpy().reshape(band.shape)
-        return mi.Float(depth.reshape(-1))
+    def transmittance(self, light: LightSample, point: mi.Point3f) -> mi.Color3f | float:
+        """Share of light samples that the masks of suns let through to points."""
+        if not any(sun.has_mask for sun in self.suns):
+            return 1.0
+        result = mi.Color3f(1.0)
+        for sun in self.suns:
+            result = dr.select(light.is_sun & sun.holds(light.position), sun.transmittance(point), result)
+        return result
 
-    def _mapped_depth(self, w0: mi.Vector3f) -> mi.Float:
-        """``z(w0)`` of unit directions in light space, metres, inf for sky."""
-        if self.infinite or not self.surfaces.has_real:
-            return mi.Float(dr.inf)
-        return dr.gather(mi.Float, self._depth, self.map.pixel(w0))
-
-    def _capture_sees(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
-        """Whether the capture point sees a place, as shadow maps decide it: by the depth of the map in its direction.
+    def unblocked(self, light: LightSample, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
+        """Which shadow rays meet no real surface; those toward a sun pass openings.
 
         Args:
-            mapped: that depth, metres, inf for sky.
-            depth: the place's distance from it, metres, inf for sky.
-            cosine: between the direction and the surface's normal; slanted surfaces change depth within a pixel.
+            light: the samples that the rays run to.
+            ray: from a surface, up to just before the light.
+            active: which are wanted; false elsewhere.
         """
-        if self.infinite or not self.surfaces.has_real:
-            return mi.Bool(True)
-        tolerance = DEPTH_TOLERANCE + self._pixel_angle / dr.maximum(cosine, 0.05)
-        both_sky = dr.isinf(mapped) & dr.isinf(depth)
-        return both_sky | (dr.abs(depth - mapped) <= tolerance * mapped)
+        if not self.surfaces.has_real:
+            return active
+        tested = active & ~light.is_sun if self.suns else active
+        if self.infinite:
+            tested = tested & light.finite  # The map's light is taken to come past all surfaces.
+        free = active & ~self.surfaces.real.ray_test(ray, coherent=False, active=tested)
+        if self.suns:
+            toward_sun = active & light.is_sun
+            free &= ~self.surfaces.blockers.ray_test(ray, coherent=False, active=toward_sun)
+        return free
 
-    def _hidden(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
-        """Whether something stands clearly before a place: what the map shows there is well off the place's own plane.
+    # -- What is seen -------------------------------------------------------------------------------------------
 
-        By the distance from the plane, since on slanted surfaces, and between the bumps of a scan, depth alone varies
-        within a pixel by any amount. It is never so where :meth:`_capture_sees`; the arguments are the same.
-        """
-        return (depth - mapped) * cosine > (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * depth
+    def arriving(
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+    ) -> list[tuple[mi.Color3f, mi.Float, mi.Bool]]:
+        """What each light sends along rays: see :meth:`RealLight.arriving`; densities are those of the light list."""
+        arriving = [light.arriving(ray, hit, distance, active) for light in self.lights]
+        if not self.suns:
+            return arriving
+        return [
+            (radiance, pdf * share, finite)
+            for (radiance, pdf, finite), share in zip(arriving, self._shares, strict=True)
+        ]
+
+
+def _joined(samples: Sequence[LightSample], counts: Sequence[int]) -> LightSample:
+    """Light samples one after the other, ``counts`` of each."""
+
+    def joined(name: str) -> Any:
+        values = [getattr(sample, name) for sample in samples]
+        kind, scalar = type(values[0]), type(values[0]) in (mi.Float, mi.Bool)
+        rows = [np.asarray(value.numpy()).reshape(1 if scalar else 3, -1) for value in values]
+        wide = [np.broadcast_to(row, (len(row), count)) for row, count in zip(rows, counts, strict=True)]
+        columns = [aligned(column, column.dtype) for column in np.concatenate(wide, axis=1)]
+        return kind(columns[0]) if scalar else kind(*map(mi.Float, columns))
+
+    return LightSample(*(joined(field.name) for field in fields(LightSample)))

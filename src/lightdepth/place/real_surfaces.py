@@ -18,6 +18,11 @@ class FaceKind(IntEnum):
     ENVIRONMENT = 0
     SUPPORT = 1
     RELIT = 2  # Support with rest positions: scatters all light by its recovered albedo (paper, section 5.8).
+    OPENING = 3  # Environment through which declared suns shine in.
+
+
+RECEIVING = (FaceKind.SUPPORT, FaceKind.RELIT)
+"""Faces that receive the influence of the new objects."""
 
 
 @dataclass(frozen=True)
@@ -53,6 +58,11 @@ class RealSurfaces:
     unseen_albedo: NDArray[np.float32]
 
     @property
+    def receiving(self) -> NDArray[np.bool_]:
+        """Which faces receive the influence of the new objects, shape (m,)."""
+        return np.isin(self.kind, RECEIVING)
+
+    @property
     def deformed(self) -> bool:
         """Whether any vertex takes its colour from elsewhere."""
         return bool(np.any(self.rest != self.vertices))
@@ -74,7 +84,7 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
             if surface.gloss not in glosses:
                 glosses.append(surface.gloss)
             number = 1 + glosses.index(surface.gloss)
-        kind = FaceKind.ENVIRONMENT
+        kind = FaceKind.OPENING if surface.opening else FaceKind.ENVIRONMENT
         if surface.role == Role.SUPPORT:
             kind = FaceKind.SUPPORT if mesh.rest is None else FaceKind.RELIT
         vertices.append(mesh.vertices)

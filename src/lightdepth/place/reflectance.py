@@ -19,7 +19,7 @@ def recovered_reflectance(
     place: Place, surfaces: TracedSurfaces, hit: RealHit, active: mi.Bool
 ) -> tuple[mi.Color3f, mi.Color3f]:
     """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``."""
-    radiance = place.surface_radiance(hit, active)
+    radiance = place.photograph.surface_radiance(hit, active)
     rho, specular_scale = reflectance(radiance, surfaces.irradiance(hit, active), surfaces.mirrored(hit, active))
     return rho & active, specular_scale & active
 

@@ -16,6 +16,7 @@ from lightdepth.kernel.materials import Materials, registered
 from lightdepth.kernel.shapes import mesh_shape
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
 from lightdepth.scene.meshes.geometry import face_normals
+from lightdepth.scene.model import Mesh
 
 RAY_EPSILON = 1e-4
 """Offset of a ray's origin from the surface it leaves, relative to ``1 + |p|``."""
@@ -57,6 +58,7 @@ class TracedSurfaces:
 
     Attributes:
         materials: of the synthetic shapes.
+        blockers: the real surfaces that are no openings.
     """
 
     def __init__(self, surfaces: RealSurfaces, shapes: Sequence[mi.Shape] = ()) -> None:
@@ -69,6 +71,7 @@ class TracedSurfaces:
         new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
         # Robust, since light and depth are looked up along rays through vertices; elsewhere it would cost a tenth more.
         self.real = _scene(real, robust=True)
+        self.blockers = self._blockers(surfaces, black)
         self.synthetic = _scene(new)
         self.all = _scene({**real, **new})
         self.materials = Materials(shapes)
@@ -76,6 +79,19 @@ class TracedSurfaces:
         if self.has_real:
             self._real_shape = dr.opaque(mi.UInt32, registered(mi.ShapePtr(real["real"])))
         self._fill_tables(surfaces)
+
+    def _blockers(self, surfaces: RealSurfaces, black: mi.BSDF) -> mi.Scene:
+        """The real surfaces without openings: what keeps a declared sun out."""
+        solid = surfaces.kind != FaceKind.OPENING
+        if solid.all():
+            return self.real
+        if not solid.any():
+            return _scene({})
+        return _scene({"solid": mesh_shape(Mesh(surfaces.vertices, surfaces.faces[solid]), black)}, robust=True)
+
+    def receives(self, hit: RealHit) -> mi.Bool:
+        """Whether real surfaces that were met receive the influence of the new objects."""
+        return (hit.kind == int(FaceKind.SUPPORT)) | (hit.kind == int(FaceKind.RELIT))
 
     def with_values(self, surfaces: RealSurfaces) -> TracedSurfaces:
         """The same geometry with other values at its vertices and faces."""

@@ -128,10 +128,9 @@ def _scattered(
     direction, distance, pdf_light = place.toward(light, point)
     scattered, pdf = lobe.evaluate(direction)
     useful = (dr.max(scattered) > 0.0) & (pdf_light > 0.0)
-    if not place.infinite and place.surfaces.has_real:
-        ray = shadow_ray(point, normal, direction, distance)
-        useful &= ~place.surfaces.real.ray_test(ray, coherent=False, active=useful)
-    value = dr.select(useful, light.radiance * scattered / (pdf_light + pdf), 0.0)
+    useful = place.unblocked(light, shadow_ray(point, normal, direction, distance), useful)
+    radiance = light.radiance * place.transmittance(light, point)
+    value = dr.select(useful, radiance * scattered / (pdf_light + pdf), 0.0)
 
     # A lattice of the golden ratio's kind.
     steps = mi.Point3f(0.8191725134, 0.6710436067, 0.5497004779) * number + mi.Point3f(shift.y, shift.z, shift.w)
@@ -139,6 +138,8 @@ def _scattered(
     direction = lobe.sample(steps.x, mi.Point2f(steps.y, steps.z))
     scattered, pdf = lobe.evaluate(direction)
     useful = dr.max(scattered) > 0.0
-    hit = place.surfaces.first_real(leave(point, normal, direction), useful)
-    radiance, pdf_light = place.seen(hit, direction, hit.distance, useful)
-    return value + dr.select(useful, radiance * scattered / dr.maximum(pdf_light + pdf, 1e-20), 0.0)
+    ray = leave(point, normal, direction)
+    hit = place.surfaces.first_real(ray, useful)
+    for radiance, pdf_light, _ in place.arriving(ray, hit, hit.distance, useful):
+        value += dr.select(useful, radiance * scattered / dr.maximum(pdf_light + pdf, 1e-20), 0.0)
+    return value

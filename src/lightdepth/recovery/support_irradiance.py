@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lightdepth.place.object_bounds import Sphere
 from lightdepth.place.place import Place
-from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
+from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.recovery.irradiance_mesh import DARK, estimate_on_mesh, share_of_view
@@ -64,7 +64,7 @@ def recover_irradiance(
     Returns:
         The real surfaces with refined support and irradiance, and what is known of its accuracy.
     """
-    receiving = surfaces.kind != FaceKind.ENVIRONMENT
+    receiving = surfaces.receiving
     if not receiving.any():
         return surfaces, IrradianceReport(0, 0.0, 0.0)
     support = separate(surfaces, receiving)

@@ -103,8 +103,8 @@ def recover_hidden(
     albedo = modelled.unseen_albedo.copy()
     albedo[chosen] = part.unseen_albedo
     modelled = replace(modelled, unseen_albedo=albedo)
-    environment = modelled.kind == FaceKind.ENVIRONMENT
-    grids = grids.of_faces(part.kind[grids.mesh.parent] == FaceKind.ENVIRONMENT)
+    environment = ~modelled.receiving
+    grids = grids.of_faces(~part.receiving[grids.mesh.parent])
     return place, with_refined(modelled, chosen & environment, part, grids, irradiance, unmirrored)
 
 
@@ -114,7 +114,7 @@ def _hides_much(place: Place, surfaces: RealSurfaces, generator: np.random.Gener
     if not areas.any():
         return False
     points, normals, _ = _spread(surfaces, generator.multinomial(POINTS, areas / areas.sum()), generator)
-    _, hidden, _ = place.sight(_vectors(points), _vectors(normals))
+    _, hidden, _ = place.photograph.sight(_vectors(points), _vectors(normals))
     return float(hidden.numpy().mean()) > WORTH_IT
 
 
@@ -129,7 +129,7 @@ def _look(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) 
     areas = face_areas(surfaces.vertices, surfaces.faces)
     counts = 1 + (POINTS * areas / areas.sum()).astype(np.int64)
     points, normals, face = _spread(surfaces, counts, generator)
-    sees, hides, radiance = place.sight(_vectors(points), _vectors(normals))
+    sees, hides, radiance = place.photograph.sight(_vectors(points), _vectors(normals))
     hidden = hides.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
     chosen = np.bincount(face[hidden], minlength=len(areas)) > 0
     front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0

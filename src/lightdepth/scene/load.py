@@ -14,6 +14,7 @@ from lightdepth.errors import InputError
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.scene.depth import read_depth
+from lightdepth.scene.lights import SunTable
 from lightdepth.scene.materials import Material, Principled, Texture
 from lightdepth.scene.meshes import MeshPart, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
@@ -29,6 +30,7 @@ from lightdepth.scene.model import (
     RenderSettings,
     Role,
     Scene,
+    SunLight,
     SyntheticObject,
     SyntheticPart,
 )
@@ -89,6 +91,10 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     for number, surface in enumerate(tables.real):
         with problems.noting(("real", number)):
             real += [] if surface is None else [_real_surface(surface)]
+    lights: list[SunLight] = []
+    for number, light in enumerate(tables.lights):
+        with problems.noting(("light", number)):
+            lights += [] if light is None else [_sun(light)]
     synthetic: list[SyntheticObject] = []
     for number, thing in enumerate(tables.synthetic):
         with problems.noting(("synthetic", number)):
@@ -103,7 +109,7 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
         pano = Equirectangular(type="equirectangular", width=panorama.radiance.shape[1])
         cameras["pano"] = _camera_view(pano, pose)
     render = RenderSettings() if tables.render is None else RenderSettings(**tables.render.model_dump())
-    scene = Scene(panorama, tuple(real), tuple(synthetic), cameras, render, path)
+    scene = Scene(panorama, tuple(real), tuple(synthetic), cameras, render, path, tuple(lights))
     return Contents(None if tables.pose is None else scene, len(tables.real) - len(real), problems.messages)
 
 
@@ -138,7 +144,19 @@ def _real_surface(table: RealTable) -> RealSurface:
         mesh=transformed(mesh, placement(table.position, table.rotation, table.scale)),
         role=Role(table.role),
         gloss=None if table.gloss is None else Gloss(table.gloss.roughness, table.gloss.specular),
+        opening=table.opening,
     )
+
+
+def _sun(table: SunTable) -> SunLight:
+    mask = None
+    if table.mask is not None:
+        mask = read_radiance(table.mask)
+        if mask.max() > 1.0:
+            raise InputError(
+                f"{table.mask}: a mask holds shares of light from 0 to 1, but this one has {mask.max():.3g}"
+            )
+    return SunLight(table.name, table.toward(), table.diameter, np.array(table.irradiance), mask, table.mask_extent)
 
 
 def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.float32]:

@@ -66,12 +66,44 @@ class Gloss:
 
 @dataclass(frozen=True)
 class RealSurface:
-    """A surface that exists in the photograph."""
+    """A surface that exists in the photograph.
+
+    Attributes:
+        name: for messages.
+        mesh: in world space.
+        role: what it does in the augmented scene.
+        gloss: specular lobe of support.
+        opening: a window pane, through which a declared sun shines in; what the photograph shows of it stays.
+    """
 
     name: str
     mesh: Mesh
     role: Role
     gloss: Gloss | None = None
+    opening: bool = False
+
+
+@dataclass(frozen=True)
+class SunLight:
+    """A sun that shines into the place and that the photograph does not show.
+
+    Attributes:
+        name: for messages.
+        direction: toward the sun, unit, world, shape (3,), float64.
+        diameter: degrees.
+        irradiance: on a surface that faces the sun, shape (3,), float64, in the panorama's unit times steradian.
+        mask: share of it that passes curtains and bars that are not modelled, shape (h, w) or (h, w, 3), float32; row 0 is
+            the top. ``None`` lets all pass.
+        mask_extent: left, bottom, right and top of the mask in the plane across the direction, metres, along the axes of
+            :func:`lightdepth.scene.lights.frame.sun_axes`; nothing passes beyond it.
+    """
+
+    name: str
+    direction: NDArray[np.float64]
+    diameter: float
+    irradiance: NDArray[np.float64]
+    mask: NDArray[np.float32] | None = None
+    mask_extent: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -163,3 +195,4 @@ class Scene:
     cameras: Mapping[str, CameraView] = field(default_factory=dict)
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
+    lights: tuple[SunLight, ...] = ()

@@ -2,53 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Tag,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import Discriminator, Field, Tag, model_validator
 
 from lightdepth.cameras import CameraSettings
+from lightdepth.scene.lights import LightSettings
 from lightdepth.scene.materials import MaterialSettings
-
-Number = Annotated[float, Field(strict=True)]
-Whole = Annotated[int, Field(strict=True)]
-Vector3 = tuple[Number, Number, Number]
-
-
-def _existing_file(path: Path, info: ValidationInfo) -> Path:
-    """The path, relative to the scene file's folder (``context["folder"]``)."""
-    resolved: Path = (info.context or {}).get("folder", Path()) / path
-    if not resolved.is_file():
-        raise ValueError(f"{resolved}: no such file")
-    return resolved
-
-
-def _one_or_three(value: Any) -> Any:
-    three = value if isinstance(value, list) else [value] * 3
-    if len(three) != 3 or any(isinstance(n, bool) or not isinstance(n, int | float) or n == 0 for n in three):
-        raise ValueError("must be one number or three, none of them 0")
-    return three
-
-
-InputFile = Annotated[Path, AfterValidator(_existing_file)]
-Scale = Annotated[Vector3, BeforeValidator(_one_or_three)]
-Name = Annotated[str, Field(min_length=1)]
-
-
-class Table(BaseModel):
-    """Base of the tables: no unknown keys, no NaN, no infinities."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+from lightdepth.scene.values import InputFile, Name, Number, Scale, Table, Vector3, Whole
 
 
 class Placed(Table):
@@ -94,11 +55,14 @@ class RealTable(Placed):
     rest: InputFile | None = None
     role: Literal["support", "environment"]
     gloss: GlossTable | None = None
+    opening: Annotated[bool, Field(strict=True)] = False
 
     @model_validator(mode="after")
-    def _gloss_is_of_support(self) -> RealTable:
+    def _fits_the_role(self) -> RealTable:
         if self.gloss is not None and self.role != "support":
             raise ValueError("gloss is for role = 'support' only")
+        if self.opening and self.role != "environment":
+            raise ValueError("opening is for role = 'environment' only")
         return self
 
 
@@ -165,7 +129,8 @@ class SceneFile(Table):
     """The whole file."""
 
     panorama: PanoramaTable
-    real: list[RealTable] = []
-    synthetic: list[SyntheticTable] = []
-    camera: dict[Name, CameraSettings] = {}
+    real: list[RealTable] = Field(default_factory=list)
+    light: list[LightSettings] = Field(default_factory=list)
+    synthetic: list[SyntheticTable] = Field(default_factory=list)
+    camera: dict[Name, CameraSettings] = Field(default_factory=dict)
     render: RenderTable = RenderTable()

@@ -9,9 +9,11 @@ turned round.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import reduce
 
 import drjit as dr
 import mitsuba as mi
@@ -174,7 +176,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
         # Only new surfaces and the seen side of support scatter, up to the last bounce; holes are passed after it too.
         outside = dr.dot(hit.normal, ray.d) < 0.0
-        on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & outside
+        on_support = on_real & self.surfaces.receives(hit) & outside
         materials = self.surfaces.materials
         material = materials.number(si, on_synthetic)
         scatters = depth < self.max_bounces
@@ -291,18 +293,20 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             hit = select_hit(hidden, self.surfaces.first_real(ray, hidden), hit)
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
-        radiance, pdf = self.place.seen(hit, ray.d, distance, wanted)
-        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
-        if self.light_tracer is not None:
-            finite = mi.Bool(False) if self.place.infinite else hit.valid
-            light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
-            # What came straight from the object that the camera sees has met no other.
-            pdf_ratio = dr.select(path.depth > 1, path.pdf_ratio, 0.0)
-            weight = self.light_tracer.camera_weight(
-                pdf_ratio, light, finite, pdf, distance, last.point, ray.d, last.pdf
-            )
-            value *= dr.select(blocked, 1.0, weight)
-        return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
+        values = []
+        for radiance, pdf, finite in self.place.arriving(ray, hit, distance, wanted):
+            value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
+            if self.light_tracer is not None:
+                light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
+                # What came straight from the object that the camera sees has met no other.
+                pdf_ratio = dr.select(path.depth > 1, path.pdf_ratio, 0.0)
+                weight = self.light_tracer.camera_weight(
+                    pdf_ratio, light, finite, pdf, distance, last.point, ray.d, last.pdf
+                )
+                value *= dr.select(blocked, 1.0, weight)
+            values.append(value)
+        total = reduce(operator.add, values)
+        return dr.select(wanted, dr.select(blocked, -total, total), 0.0)
 
     def _remembered(
         self, cache: RadianceCache, path: DifferencePath, hit: RealHit, on_support: mi.Bool
@@ -392,7 +396,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         light = lights.sample(choice, active & from_map)
         direction, distance, map_pdf = self.place.toward(light, vertex.point)
         weighed, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * CANDIDATES)
-        radiance = light.radiance * gain
+        radiance = light.radiance * gain * self.place.transmittance(light, vertex.point)
         if self.has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
             reference.p, reference.n = vertex.point, vertex.normal
@@ -408,7 +412,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         value *= radiance * (_mis_weight(weighed, scattering_pdf) / dr.maximum(pdf, 1e-20))
         if self.light_tracer is not None:
             camera_weight = self.light_tracer.camera_weight(
-                path.pdf_ratio, light.place, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
+                path.pdf_ratio, light.position, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
             )
             value *= dr.select(vertex.on_synthetic & from_map & ~first, camera_weight, 1.0)
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
@@ -453,6 +457,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             value, scattering_pdf = self._scattering(context, vertex, direction, active)
             weight = _mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20)
             counts = (pdf > 0.0) & (~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction))
+            weight *= self.place.likelihood(light, vertex.point)
             target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
             total += target
             # One random number serves all candidates: what is left of it after each choice is uniform again.
@@ -507,12 +512,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         share = dr.select(inverted, passed - 1.0, passed)
         if self.has_relit:
             share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)
-        if self.surfaces.has_real:
-            tested = active & (share != 0.0)
-            if self.place.infinite:
-                tested &= ~from_map
-            share = dr.select(self.surfaces.real.ray_test(ray, coherent=False, active=tested), 0.0, share)
-        return share & active
+        return share & self.place.unblocked(light, ray, active & (share != 0.0))
 
     def _transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """Share of light that passes all synthetic surfaces along shadow rays."""

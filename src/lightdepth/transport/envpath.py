@@ -45,7 +45,7 @@ def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurf
         scene: for its light-depth map.
         surfaces: as modelled; support faces are cut and turned toward the capture point.
     """
-    chosen = surfaces.kind != FaceKind.ENVIRONMENT
+    chosen = surfaces.receiving
     if not chosen.any():
         return surfaces
     light_depth_map = build_light_depth_map(scene)
@@ -186,12 +186,12 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
-        on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & (dr.dot(hit.normal, ray.d) < 0.0)
+        on_support = on_real & self.surfaces.receives(hit) & (dr.dot(hit.normal, ray.d) < 0.0)
         on_environment = active & ~on_synthetic & ~on_support
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
 
         # Lines 8 to 11, eq. 4. At i = 0 this is the plate, which the film has already.
-        seen, map_pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - previous), on_environment)
+        ((seen, map_pdf, _),) = self.place.arriving(ray, hit, dr.norm(hit.point - previous), on_environment)
         arrived = on_environment & synthetic_path
         weight = dr.select(previous_pdf > 0.0, previous_pdf / (previous_pdf + map_pdf), 1.0)  # (4)
         radiance += dr.select(arrived, throughput * seen * weight, 0.0)
@@ -214,7 +214,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         normal = dr.select(on_synthetic, si.n, hit.normal)
         materials = self.surfaces.materials
         material = materials.number(si, on_synthetic)
-        own = self.place.surface_radiance(hit, on_support)
+        own = self.place.photograph.surface_radiance(hit, on_support)
         factor = self.surfaces.irradiance(hit, on_support).x
         photograph = dr.select(first & on_support, own, photograph)
         direct_support &= active
@@ -223,9 +223,9 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         direction, distance, pdf = self.place.toward(light, point)
 
         # Eq. 5 with the luminance that eq. 7 weights by (1); light and measure are those of the capture point (2).
-        from_capture = dr.select(light.finite, dr.normalize(light.place - self._capture), light.place)
+        from_capture = dr.select(light.finite, dr.normalize(light.position - self._capture), light.position)
         light_direction = self._to_light @ from_capture
-        light_radiance, light_pdf = self.place.map.radiance_and_pdf(light_direction)
+        light_radiance, light_pdf = self.place.photograph.map.radiance_and_pdf(light_direction)
         share = _luminance(light_radiance) / (self.total_luminance * dr.maximum(light_pdf, 1e-20))
         cosine = dr.maximum(dr.dot(direction, hit.normal), 0.0)
         value_support = own * (factor * cosine * share)
@@ -238,7 +238,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         # Table 1: from synthetic points, what lies on support or behind it comes along sampled paths.
         beyond = leave(point, normal, direction)
         behind = self.surfaces.first_real(beyond, useful & on_synthetic & ~blocked)
-        blocked |= on_synthetic & behind.valid & (behind.kind != int(FaceKind.ENVIRONMENT))
+        blocked |= on_synthetic & behind.valid & self.surfaces.receives(behind)
         value = dr.select(on_synthetic, value, value_support)
         radiance += dr.select(useful & ~blocked, throughput * value, 0.0)
 

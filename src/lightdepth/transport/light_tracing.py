@@ -198,7 +198,7 @@ class LightTracer:
         count = dr.width(sampler.index)
         number = mi.Float(dr.arange(mi.UInt32, count)) + sampler.next_1d()
         light = lights.sample(number / dr.opaque(mi.Float, count), mi.Bool(True))
-        beams = self.lit.beams(light.place, light.finite)
+        beams = self.lit.beams(light.position, light.finite)
         origin, direction = beams.sample(sampler.next_1d(), mi.Point2f(sampler.next_1d(), sampler.next_1d()))
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)
@@ -206,18 +206,17 @@ class LightTracer:
         active = (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit
         # Beams of the sky begin beyond all objects: whatever stands before the one aimed at is met first. So far they
         # must come.
-        lift = self.bounds.extent(light.place) - dr.dot(mi.Vector3f(origin), light.place)
-        origin += dr.select(light.finite, 0.0, light.place * lift)
-        if not self.place.infinite:
-            outward = mi.Ray3f(origin, -direction)
-            active &= ~self.surfaces.real.ray_test(outward, coherent=False, active=active & ~light.finite)
+        lift = self.bounds.extent(light.position) - dr.dot(mi.Vector3f(origin), light.position)
+        origin += dr.select(light.finite, 0.0, light.position * lift)
+        outward = mi.Ray3f(origin, -direction)
+        active &= light.finite | self.place.unblocked(light, outward, active & ~light.finite)
         ray = mi.Ray3f(origin, direction)
         ray = dr.select(light.finite, leave(origin, light.normal, direction), ray)
         return LightPath(
             sampler,
             ray,
             active,
-            flux=light.radiance / dr.maximum(density, 1e-20),
+            flux=light.radiance * self.place.transmittance(light, origin) / dr.maximum(density, 1e-20),
             pdf_ratio=mi.Float(density),
             light_density=mi.Float(light_density),
             finite=mi.Bool(light.finite),
