@@ -113,7 +113,7 @@ class Place:
                 rotation=euler_rotation(self.rotation),
                 sky=self.sky is not None,
             ),
-            real=tuple(RealSurface(part.name, part.mesh, part.role) for part in real),
+            real=tuple(RealSurface(part.name, part.mesh, part.role, opening=part.opening) for part in real),
             synthetic=self.objects,
             cameras={
                 "panorama": self.camera("panorama", panorama_width),

@@ -15,6 +15,7 @@ from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.reconstruct import app as reconstruct
+from lightdepth.cli.recover import app as recover
 from lightdepth.cli.render import render
 from lightdepth.errors import LightdepthError
 
@@ -40,6 +41,7 @@ def _options(
 app.add_typer(capture.app, name="capture")
 app.command()(calibrate)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
+app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)
 app.command()(check)
 app.command()(render)
