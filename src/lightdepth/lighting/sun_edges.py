@@ -110,7 +110,7 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
     if found.sum() < FEWEST_EDGES:
         return None
     _, weight, covariance = _least_squares(edges.moves[found], edges.offset[found])
-    good: NDArray[np.bool_] = np.logical_and(found, np.abs(np.nan_to_num(edges.offset)) < ON_EDGE)
+    good = np.asarray(found & (np.abs(np.nan_to_num(edges.offset)) < ON_EDGE))
     good[found] &= weight > 0.0
     if good.sum() < FEWEST_EDGES:
         return None

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, maximum_filter
+from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
 
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
@@ -90,16 +90,22 @@ def recover_mask(scene: Scene, sun: RecoveredSun) -> SunMask:
         albedo = np.median(apparent[shade][neighbours], axis=1)
         cosine = normals[in_patch[here]] @ sun.direction
         excess = np.pi * brightness[here] / np.maximum(albedo, 1e-6) - light[here]
-        by_channel = excess / (sun.irradiance.value * cosine[:, None])
-        # What the modelled openings hold back is not the mask's.
-        transmittance[here] = (by_channel @ REC709) / share[in_patch[here]]
-    # Edges of the patch mix both sides.
-    known = np.isfinite(transmittance) & (share[in_patch] > 0.6)
+        transmittance[here] = (excess / (sun.irradiance.value * cosine[:, None])) @ REC709
+    # Edges of the patch mix both sides; what the modelled openings hold back there is not the mask's.
+    known = np.isfinite(transmittance) & _within(view, usable, share == 1.0)[in_patch]
     if known.sum() < FEWEST_PIXELS:
         raise InputError(
             f"{scene.path or 'scene'}: no mask can be recovered: the surfaces under the patch show no shade beside it"
         )
     return _projected(points[in_patch[known]], np.clip(transmittance[known], 0.0, 1.0), sun.direction, view)
+
+
+def _within(view: PanoramaView, usable: NDArray[np.intp], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Usable pixels that are lit and whose neighbours are too."""
+    picture = np.zeros(view.height * view.width, dtype=bool)
+    picture[usable[lit]] = True
+    inner = minimum_filter(picture.reshape(view.height, view.width), size=3, mode=("nearest", "wrap"))
+    return np.asarray(inner.reshape(-1)[usable], dtype=bool)
 
 
 def _near(

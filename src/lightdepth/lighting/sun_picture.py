@@ -49,7 +49,8 @@ def draw_sun(scene: Scene, sun: RecoveredSun) -> NDArray[np.uint8]:
             cv2.circle(picture, (round(px % width), round(py)), 1, colour, -1, cv2.LINE_AA)
     azimuth, elevation = azimuth_and_elevation(sun.direction)
     red, green, blue = sun.irradiance.value
-    words = f"azimuth {azimuth:.1f}, elevation {elevation:.1f}, irradiance {red:.3g} {green:.3g} {blue:.3g}: {sun.confidence}"
+    where, strength = f"azimuth {azimuth:.1f}, elevation {elevation:.1f}", f"{red:.3g} {green:.3g} {blue:.3g}"
+    words = f"{where}, irradiance {strength}: {sun.confidence}"
     for colour, thickness in (((20, 20, 20), 4), ((255, 225, 120), 1)):
         cv2.putText(picture, words, (12, height - 14), cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, thickness, cv2.LINE_AA)
     return np.asarray(picture)
