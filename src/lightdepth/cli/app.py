@@ -19,6 +19,7 @@ from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.merge import merge
 from lightdepth.cli.preview import preview
 from lightdepth.cli.reconstruct import app as reconstruct
+from lightdepth.cli.recover import app as recover
 from lightdepth.cli.render import render
 from lightdepth.cli.serve import serve
 from lightdepth.cli.where import where
@@ -56,6 +57,7 @@ app.add_typer(capture.app, name="capture")
 app.command()(preview)
 app.command()(calibrate)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
+app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)
 app.command(context_settings={"ignore_unknown_options": True})(where)  # Points may begin with a minus.
 app.command()(check)
