@@ -167,7 +167,7 @@ def foretold_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray
     ).reshape(-1, 2)
     nothing = np.full(len(pixel), np.nan)
     edges = Edges(pixel, toward, of, moves, nothing, nothing)
-    return edges.where(np.isfinite(moves).all(axis=1))
+    return edges.where(np.asarray(np.isfinite(moves).all(axis=1)))
 
 
 def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
