@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from lightdepth.capture import hugin, seams
-from lightdepth.capture.filling import fill, mark
 from lightdepth.capture.lens import Lens
 from lightdepth.capture.panorama import Panorama, blend, natural_width
 from lightdepth.capture.photometry import Photograph, Photometry, estimate_photometry
 from lightdepth.capture.project import ControlPoint, read_project
 from lightdepth.capture.rig import Rig
 from lightdepth.errors import InputError, LightdepthError
+from lightdepth.images.filling import fill, mark
 
 MATCHING_SIDES = (800, 2000)
 """Control points are looked for in images of at least and at most this size, in pixels."""

@@ -18,9 +18,12 @@ from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.merge import merge
+from lightdepth.cli.preview import preview
 from lightdepth.cli.reconstruct import app as reconstruct
+from lightdepth.cli.recover import app as recover
 from lightdepth.cli.render import render
 from lightdepth.cli.serve import serve
+from lightdepth.cli.where import where
 from lightdepth.errors import InputWarning, LightdepthError
 
 app = typer.Typer(
@@ -52,9 +55,12 @@ def _options(
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
 app.add_typer(capture.app, name="capture")
+app.command()(preview)
 app.command()(calibrate)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
+app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)
+app.command(context_settings={"ignore_unknown_options": True})(where)  # Points may begin with a minus.
 app.command()(check)
 app.command()(render)
 app.command()(merge)

@@ -48,7 +48,7 @@ Rotation = Annotated[
 ]
 Panorama = Annotated[
     Path | None,
-    typer.Option("--panorama", help="The panorama (.exr, .hdr), or the scene file (.toml) that gives it and its pose."),
+    typer.Option("--panorama", help="The panorama, or the scene file (.toml) that gives it and its pose."),
 ]
 FloorTolerance = Annotated[
     float, typer.Option(min=0.001, help="Farthest that a floor point lies from its plane, metres.")
@@ -58,9 +58,7 @@ NoFloor = Annotated[bool, typer.Option("--no-floor", help="Look for no floor; ev
 
 @app.command()
 def layout(
-    source: Annotated[
-        Path, typer.Argument(metavar="PANORAMA|SCENE", help="Panorama (.exr, .hdr) or scene file (.toml).")
-    ],
+    source: Annotated[Path, typer.Argument(metavar="PANORAMA|SCENE", help="Panorama or scene file (.toml).")],
     output: Output,
     floor: Annotated[
         str | None, typer.Option("--floor", metavar='"X,Y X,Y ..."', help="The floor's corners, in order around it.")
@@ -338,6 +336,8 @@ def _finish(
     from lightdepth.reconstruction.result import save
 
     save(result, place, folder, scene, picture)
+    for note in place.notes:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(f"warning: {note}", style="yellow", markup=False)
     report = result.as_dict(folder)
     if as_json:
         typer.echo(json.dumps(report, indent=2))

@@ -145,6 +145,7 @@ class Panorama:
             ``depth``, inf declares it.
         path: the file it came from, for messages.
         repairs: what was wrong with its radiance and was replaced, a message for each kind.
+        notes: what of its file makes pictures wrong in places, a sentence each.
     """
 
     radiance: NDArray[np.float32]
@@ -154,6 +155,7 @@ class Panorama:
     sky: bool = False
     path: Path | None = None
     repairs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def viewpoint(self) -> Viewpoint:

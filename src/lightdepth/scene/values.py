@@ -12,6 +12,7 @@ from lightdepth.files import is_file
 Number = Annotated[float, Field(strict=True)]
 Whole = Annotated[int, Field(strict=True)]
 Vector3 = tuple[Number, Number, Number]
+Pair = tuple[Number, Number]
 
 
 def _existing_file(path: Path, info: ValidationInfo) -> Path:

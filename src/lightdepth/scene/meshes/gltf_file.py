@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
 from lightdepth.files import is_file
+from lightdepth.images.radiance import READERS
 from lightdepth.scene.materials.image import eight_bit
 from lightdepth.scene.meshes.gltf_basisu import KTX2_MAGIC, decoded_ktx2
 from lightdepth.scene.meshes.gltf_extensions import unsupported_extensions
@@ -157,6 +158,20 @@ class GltfFile:
                 raise InputError(f"{self.path}: image {index} ({name}) cannot be read: {error}") from error
             self._images[index] = found
         return self._images[index]
+
+    def radiance_file(self, index: int) -> Path | None:
+        """The file of an image of high dynamic range (.exr or .hdr beside this one), which glTF does not provide.
+
+        Raises:
+            InputError: it is missing.
+        """
+        uri = unquote(self.entry(self.header.images, index, "image").uri or "")
+        if uri.startswith("data:") or Path(uri).suffix.lower() not in READERS:
+            return None
+        file = self.path.parent / uri
+        if not is_file(file):
+            raise InputError(f"{self.path}: names the file {uri[:100]}, which does not exist in its folder")
+        return file
 
     def _resource(self, uri: str) -> bytes:
         """The bytes behind a URI: of the file itself (``data:``), or of a file beside it."""
