@@ -124,7 +124,9 @@ def test_hidden_environment_stays_environment_and_hidden_support_has_the_albedo_
     hit, hidden, _, _ = look(final, looking((1.9, 2.0, 1.3), (1.9, 4.2, 0.0)).camera("view", WIDTH))
     on_floor = hidden & (hit.kind.numpy() == FaceKind.SUPPORT) & (np.abs(hit.point.numpy()[2]) < 1e-4)
     assert on_floor.sum() > 50
-    ratio = np.pi * final.photograph.surface_radiance(hit, mi.Bool(True)) / final.surfaces.irradiance(hit, mi.Bool(True))
+    ratio = (
+        np.pi * final.photograph.surface_radiance(hit, mi.Bool(True)) / final.surfaces.irradiance(hit, mi.Bool(True))
+    )
     np.testing.assert_allclose(ratio.numpy().T[on_floor].mean(axis=0), (0.35, 0.33, 0.3), rtol=0.07)
 
 
