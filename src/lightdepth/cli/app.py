@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 
 from lightdepth.cli import capture
+from lightdepth.cli.cache import cache
 from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
@@ -64,6 +65,7 @@ app.command()(check)
 app.command()(render)
 app.command()(merge)
 app.command()(serve)
+app.command()(cache)
 app.command()(doctor)
 
 

@@ -47,6 +47,9 @@ def render(
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
     ] = None,
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", help="Neither use nor fill the cache of prepared places.")
+    ] = False,
     repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
     progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is reported.")] = "bar",
     region: Annotated[str | None, typer.Option(help="Finish this part first: left,top,right,bottom in pixels.")] = None,
@@ -101,6 +104,7 @@ def render(
                 checkpoint_seconds=CHECKPOINT_SECONDS if checkpoint_seconds is None else checkpoint_seconds,
                 resume=resume,
                 preview_seconds=preview_seconds,
+                cache=not no_cache,
             )
             session = Session(loaded, device, keep=False)
             if share is None:

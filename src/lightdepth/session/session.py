@@ -52,6 +52,7 @@ class Job:
         checkpoint_seconds: between two of them, at least.
         resume: go on from ``checkpoint`` where it exists.
         preview_seconds: between two unfinished pictures, at least; ``None`` shows none.
+        cache: use and fill the cache of prepared places on disk.
     """
 
     camera: str | None = None
@@ -69,6 +70,7 @@ class Job:
     checkpoint_seconds: float = CHECKPOINT_SECONDS
     resume: bool = False
     preview_seconds: float | None = None
+    cache: bool = True
 
 
 class Session:
@@ -261,6 +263,7 @@ class Session:
                 lambda message: self._report(Caution(message)),
                 job.draft,
                 job.share,
+                job.cache,
             )
         LOGGER.info("prepared seconds=%.2f pixels=%d", time.monotonic() - began, len(rendering.pixels))
         if job.merged is not None:
