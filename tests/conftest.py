@@ -9,6 +9,9 @@ import pytest
 
 from lightdepth.cli.app import main
 
+# Tests prepare their places themselves, and leave nothing behind; those of the cache name a folder of their own.
+os.environ["LIGHTDEPTH_CACHE"] = "off"
+
 ROOT = Path(__file__).parents[1]
 PROGRAMS = {
     "hugin": lambda: shutil.which("cpfind") is not None,
@@ -23,8 +26,6 @@ def pytest_configure(config):
     missing = [name for name in required if not PROGRAMS.get(name, lambda: False)()]
     if missing:
         pytest.exit(f"LIGHTDEPTH_REQUIRE names {', '.join(missing)}, which is not installed", returncode=1)
-# Tests prepare their places themselves, and leave nothing behind; those of the cache name a folder of their own.
-os.environ["LIGHTDEPTH_CACHE"] = "off"
 
 
 @pytest.fixture(scope="session")

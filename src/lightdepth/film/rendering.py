@@ -19,6 +19,7 @@ from lightdepth.cameras import Viewpoint
 from lightdepth.errors import InputError
 from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.auxiliary import render_auxiliary
+from lightdepth.film.cryptomatte import shape_names
 from lightdepth.film.frame import Frame
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import render_plate
@@ -290,8 +291,10 @@ class Rendering:
             topology=self._view.topology,
         )
         if auxiliary:
-            layers = render_auxiliary(self._view, self._prepared)
-            frame.object_id, frame.depth, frame.normal, frame.albedo = layers
+            names = shape_names(self._scene.synthetic)
+            seen = render_auxiliary(self._view, self._prepared, names, frame.coverage)
+            frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
+            frame.object_id = seen.mattes.dominant(frame.coverage.size).reshape(frame.coverage.shape)
         return frame
 
     def origin(self, samples: int) -> Origin:
