@@ -20,6 +20,8 @@ from pydantic import (
 from lightdepth.cameras import CameraSettings
 from lightdepth.scene.materials import MaterialSettings
 
+FORMAT = 1
+"""Version of the scene file's format; files without one have the first. It grows when a key changes its meaning."""
 Number = Annotated[float, Field(strict=True)]
 Whole = Annotated[int, Field(strict=True)]
 Vector3 = tuple[Number, Number, Number]
@@ -161,6 +163,12 @@ class RenderTable(Table):
     irradiance_samples: Whole = Field(default=1024, ge=16, le=1 << 20, multiple_of=2)
 
 
+def _known_format(version: int) -> int:
+    if version > FORMAT:
+        raise ValueError(f"must be at most {FORMAT}, the newest format that this version of lightdepth reads")
+    return version
+
+
 class SceneFile(Table):
     """The whole file."""
 
@@ -169,3 +177,4 @@ class SceneFile(Table):
     synthetic: list[SyntheticTable] = []
     camera: dict[Name, CameraSettings] = {}
     render: RenderTable = RenderTable()
+    format: Annotated[Whole, Field(ge=1), AfterValidator(_known_format)] = 1
