@@ -73,6 +73,19 @@ def test_a_part_of_its_own_is_found(tmp_path):
     assert (read_distances(tmp_path / "x.exr")[0] == 1.0).all()
 
 
+def test_a_channel_may_be_stated(tmp_path):
+    planes = {name: np.full((8, 16), value, np.float32) for name, value in (("Near.Z", 1), ("Far.Z", 2))}
+    write_exr(tmp_path / "x.exr", [ExrPart(planes, "a"), ExrPart({"Near.Z": planes["Far.Z"]}, "b")])
+    for channel, expected in (("Far.Z", 2.0), ("a.Near.Z", 1.0), ("b.Near.Z", 2.0)):
+        assert (read_distances(tmp_path / "x.exr", channel)[0] == expected).all()
+    for channel in ("Near.Z", "Z"):
+        with pytest.raises(InputError, match=r"none of its channels, or several; allowed: a.Far.Z, a.Near.Z, b.Near.Z"):
+            read_distances(tmp_path / "x.exr", channel)
+    np.save(tmp_path / "x.npy", room())
+    with pytest.raises(InputError, match="has no channels with names"):
+        read_distances(tmp_path / "x.npy", "Z")
+
+
 def test_what_is_not_clear_is_refused(tmp_path):
     ones = np.ones((8, 16), np.float32)
     files = {
