@@ -20,6 +20,7 @@ from lightdepth.capture.stitching import Orientation, Stitched
 from lightdepth.cli.app import app
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, SetupError
+from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import read_exr
 from lightdepth.images.radiance import read_radiance, write_radiance
 from tests.support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, room_panorama, shoot
@@ -271,14 +272,14 @@ def test_merge_writes_linear_radiance_picture_response_and_report(bracket, tmp_p
     report = json.loads((tmp_path / "view.json").read_text())
     assert report["exposure_range_stops"] == pytest.approx(16)
     assert report["orders_of_magnitude"] > 4
-    radiance = read_radiance(tmp_path / "view.exr")
+    radiance = read_beauty(tmp_path / "view.exr").radiance
     assert (tmp_path / "view.png").is_file()
     # The response of one orientation serves for another.
     run(
         "capture", "merge", *[path for path, _ in bracket.pairs], "-o", tmp_path / "again.exr", "--circle", "auto",
         "--response", tmp_path / "camera.json",
     )  # fmt: skip
-    np.testing.assert_allclose(read_radiance(tmp_path / "again.exr"), radiance, rtol=1e-4)
+    np.testing.assert_allclose(read_beauty(tmp_path / "again.exr").radiance, radiance, rtol=1e-4)
 
 
 @pytest.mark.parametrize("command", ["merge", "stitch"])
