@@ -52,6 +52,7 @@ CHANNELS = {
     "Z beside layers": ({"Z": 1.0, "Normal.X": 2.0, "Normal.Y": 2.0, "Normal.Z": 2.0, "R": 3.0, "G": 4.0, "B": 5.0}, 1.0),
     "Blender": ({"ViewLayer.Depth.Z": 1.0, "ViewLayer.Position.X": 2.0, "ViewLayer.Position.Y": 2.0,
                  "ViewLayer.Position.Z": 2.0}, 1.0),
+    "Blender with more": ({"ViewLayer.Depth.Z": 1.0, "ViewLayer.Mist.Z": 2.0, "ViewLayer.Denoising Depth.Z": 3.0}, 1.0),
     "an unusual channel": ({"Depth.V": 1.0, "R": 3.0, "G": 4.0, "B": 5.0}, 1.0),
     "its layer's name": ({"depth": 1.0, "R": 3.0, "G": 4.0, "B": 5.0}, 1.0),
     "the only channel": ({"Y": 1.0, "A": 0.5}, 1.0),
@@ -91,6 +92,7 @@ def test_what_is_not_clear_is_refused(tmp_path):
     files = {
         "colour": [ExrPart({"R": ones, "G": 2 * ones, "B": ones})],
         "two": [ExrPart({"Near.Z": ones, "Far.Z": ones})],
+        "mist": [ExrPart({"L.Mist.Z": ones, "L.Combined.R": ones})],
         "normal": [ExrPart({"N.X": ones, "N.Y": ones, "N.Z": ones})],
     }
     for name, parts in files.items():
@@ -101,6 +103,7 @@ def test_what_is_not_clear_is_refused(tmp_path):
     for path, message in {
         tmp_path / "colour.exr": r"holds a colour picture \(R, G, B\), and no channel of distances",
         tmp_path / "two.exr": "several channels of distances, 'Far.Z', 'Near.Z'",
+        tmp_path / "mist.exr": r"no channel of distances \(Z\), but L.Combined.R, L.Mist.Z",
         tmp_path / "normal.exr": r"no channel of distances \(Z\), but N.X, N.Y, N.Z",
         tmp_path / "whole.npy": "holds whole numbers, whose unit is not known",
         tmp_path / "complex.npy": "holds complex128; distances are numbers",

@@ -44,6 +44,13 @@ def test_a_colour_space_may_be_stated_by_name(tmp_path, reference, header):
         np.testing.assert_array_equal(read_radiance(tmp_path / "y.exr"), stored["RGB"])
 
 
+def test_tristimulus_values_relative_to_a_white_keep_grey(tmp_path):
+    """By the format's definition the white of the chromaticities is what equal channels show."""
+    header = {"chromaticities": (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.3127, 0.3290)}
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(0.5), "", header)])
+    np.testing.assert_allclose(read_radiance(tmp_path / "x.exr"), 0.5, rtol=1e-3)
+
+
 def test_aces_containers_have_the_widest_primaries(tmp_path):
     """Rec.709's red in ACES2065-1 (SMPTE ST 2065-1), by the matrix of the Academy's reference transform."""
     red = np.array([0.4396328, 0.0897764, 0.0175412], np.float32)

@@ -16,7 +16,7 @@ FloatArray = NDArray[np.float64]
 REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 """Chromaticities x, y of red, green, blue and white (ITU-R BT.709)."""
 CIE_XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0 / 3.0, 1.0 / 3.0)
-"""Primaries of pixels that are tristimulus values X, Y, Z."""
+"""Those of pixels that are tristimulus values X, Y, Z."""
 COLOUR_SPACES = {
     "lin_rec709_scene": REC709,
     "lin_ap1_scene": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
@@ -53,7 +53,7 @@ def to_rec709(chromaticities: ArrayLike, path: Path) -> NDArray[np.float32] | No
     if np.allclose(xy, REC709, atol=_SAME):
         return None
     from_xyz = np.linalg.inv(_to_xyz(REC709))
-    if np.allclose(xy[:6], CIE_XYZ[:6], atol=_SAME):
+    if np.allclose(xy, CIE_XYZ, atol=_SAME):
         return from_xyz.astype(np.float32)
     try:
         to_xyz = _to_xyz(xy)

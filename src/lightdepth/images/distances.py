@@ -140,8 +140,10 @@ def _distance_channels(headers: Sequence[ExrHeader], path: Path) -> tuple[ExrHea
     """The part and channel of distances, or R, G and B, which must then be equal."""
     found = [(part, channel) for part in headers for channel in part.channels if _is_distance(part, channel)]
     exact = [(part, channel) for part, channel in found if channel == "Z"]
-    for part, channel in exact if len(exact) == 1 else found if len(found) == 1 else ():
-        return part, [channel]
+    named = [(part, channel) for part, channel in found if "depth" in _words(part, channel)]
+    for chosen in (exact, named, found):
+        if len(chosen) == 1:
+            return chosen[0][0], [chosen[0][1]]
     if found:
         names = ", ".join(f"'{part.name}: {channel}'" if part.name else f"'{channel}'" for part, channel in found)
         raise InputError(
@@ -171,13 +173,20 @@ def _named_channel(headers: Sequence[ExrHeader], path: Path, channel: str) -> tu
 
 def _is_distance(part: ExrHeader, channel: str) -> bool:
     layer, _, own = channel.rpartition(".")
+    if "mist" in _words(part, channel):  # Blender's share of fog, whose channel is called Z as well.
+        return False
     dot = "." if layer else ""
     siblings = {name.lower() for name in part.channels if name.rpartition(".")[0] == layer}
     if own.lower() in _WORDS:
         vector = f"{layer}{dot}x".lower() in siblings and f"{layer}{dot}y".lower() in siblings
         return not vector  # A normal or a position has a Z as well.
-    words = f"{part.name}.{layer}".lower().split(".")
-    return own.lower() in _ANY_NAME and len(siblings) == 1 and any(word in _WORDS for word in words)
+    return (
+        own.lower() in _ANY_NAME and len(siblings) == 1 and any(word in _WORDS for word in _words(part, channel)[:-1])
+    )
+
+
+def _words(part: ExrHeader, channel: str) -> list[str]:
+    return f"{part.name}.{channel}".lower().split(".")
 
 
 def _from_npy(path: Path) -> np.ndarray:
