@@ -3,6 +3,7 @@
 import json
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,9 @@ from lightdepth.capture.panorama import Panorama
 from lightdepth.capture.photometry import Photometry
 from lightdepth.capture.project import ControlPoint
 from lightdepth.capture.report import warnings_of
+from lightdepth.capture.rig import PRESETS
 from lightdepth.capture.shoot import Shoot
-from lightdepth.capture.stitching import Orientation, Stitched
+from lightdepth.capture.stitching import Orientation, Stitched, groups_of, turned_to_the_rig
 from lightdepth.cli.app import app
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, SetupError
@@ -198,6 +200,23 @@ def test_blank_views_are_placed_by_the_rig(tmp_path):
     lines = result.stderr.splitlines()
     assert "control points: 36 of 36" in lines or any(line.startswith("control points: 8 of 36") for line in lines)
     assert len(lines) < 60
+
+
+def test_images_that_nothing_connects_with_the_first_are_turned_to_the_rig():
+    """The first image is blank, so that the optimiser may turn the others together as it likes."""
+    rig = PRESETS["paper"]
+    stated = [Lens(100, 100, "fisheye", 180.0, yaw=yaw, pitch=pitch, roll=roll) for yaw, pitch, roll in rig]
+    off = rig_rotation(-106.0, 12.0, 30.0)
+    found = [stated[0], *(lens.with_rotation(off @ lens.rotation) for lens in stated[1:])]
+    found[3] = replace(found[3], yaw=found[3].yaw + 1.0)  # One was not set exactly.
+    points = [ControlPoint((first, first + 1), (50.0, 50.0), (50.0, 50.0)) for first in range(1, 6)]
+    turned = turned_to_the_rig(found, groups_of(7, points), rig)
+    assert turned[0] is found[0]
+    for lens, own, expected in zip(turned[1:], found[1:], stated[1:], strict=True):
+        angle = np.arccos(np.clip((np.trace(lens.rotation.T @ expected.rotation) - 1) / 2, -1, 1))
+        assert np.degrees(angle) < 1.0
+        between = turned[1].rotation.T @ lens.rotation  # Among each other they stay as they are.
+        np.testing.assert_allclose(between, found[1].rotation.T @ own.rotation, atol=1e-9)
 
 
 @needs_hugin
