@@ -264,6 +264,8 @@ def turned_to_the_rig(lenses: Sequence[Lens], groups: Sequence[int], rig: Rig) -
     turned = list(lenses)
     for label in set(groups) - {groups[0]}:
         members = [index for index, own in enumerate(groups) if own == label]
+        if len(members) == 1:
+            continue  # Nothing has moved it.
         stated = [
             replace(lenses[index], yaw=rig[index][0], pitch=rig[index][1], roll=rig[index][2]).rotation
             for index in members
