@@ -85,11 +85,16 @@ def read_beauty(path: Path) -> Beauty:
         primaries = primaries_of(layer.part.attributes, path)
         matrix = to_rec709(primaries, path)
         names = layer.channels
+        alpha = None
         if {"R", "G", "B"} <= names.keys():
-            radiance = reader.read(layer.part, [names[name] for name in "RGB"]).astype(np.float32, copy=False)
+            # At once, for every read decompresses all channels.
+            planes = reader.read(layer.part, [names[name] for name in "RGBA" if name in names])
+            radiance = np.ascontiguousarray(planes[:, :, :3], dtype=np.float32)
+            alpha = planes[:, :, 3].astype(np.float32) if "A" in names else None
         else:
             radiance = _from_luminance(reader, layer, luminance_weights(primaries))
-        alpha = reader.read(layer.part, [names["A"]])[:, :, 0].astype(np.float32) if "A" in names else None
+            if "A" in names:
+                alpha = reader.read(layer.part, [names["A"]])[:, :, 0].astype(np.float32)
     return Beauty(converted(radiance, matrix), alpha)
 
 
