@@ -143,6 +143,7 @@ def from_depth(
     scale: Annotated[
         float | None, typer.Option(min=1e-9, help="Metres per unit of the file; whole numbers must have it.")
     ] = None,
+    channel: Annotated[str | None, typer.Option(help="Of an OpenEXR file; found by default.")] = None,
     kind: Annotated[
         Literal["ray", "z", "disparity"] | None,
         typer.Option(help="Distances along the ray (the default), along the viewing axis, or reciprocal ones."),
@@ -172,7 +173,7 @@ def from_depth(
     from lightdepth.reconstruction.result import closed
 
     place = read_place(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
-    image = read_depth_image(depth, scale, sky, kind, sky_beyond)
+    image = read_depth_image(depth, scale, sky, kind, sky_beyond, channel)
     with _progress() as progress:
         task = progress.add_task("Meshing the depth", total=1.0)
         measured = surfaces_from_depth(
