@@ -9,7 +9,7 @@ import sys
 import warnings
 from pathlib import Path
 
-from lightdepth.errors import LightdepthError
+from lightdepth.errors import InputWarning, LightdepthError
 from tests.fuzz.mutation import mutant
 from tests.fuzz.readers import READERS, raw_words
 from tests.fuzz.seeds import seeds
@@ -32,7 +32,6 @@ def main(folder, names, first, last):
         what, message = _read(folder, seed, seed.content)
         if what is not None:
             raise RuntimeError(f"{seed.name} is not sound: {message}")
-    warnings.simplefilter("error")  # What would be printed past us.
     printed = os.open(folder / "printed", os.O_CREAT | os.O_RDWR | os.O_TRUNC)
     real = os.dup(2)
     os.dup2(printed, 1)
@@ -93,7 +92,10 @@ def _read(folder, seed, content):
     path = folder / "files" / seed.file
     path.write_bytes(content)
     try:
-        notes = READERS[seed.kind](path)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("error")  # Others would be printed past us.
+            warnings.simplefilter("always", InputWarning)
+            READERS[seed.kind](path)
     except LightdepthError as error:
         raw = raw_words(str(error), content)
         return ("raw", f"{raw}: {str(error)[:400]}") if raw else ("refused", str(error)[:400])
@@ -101,9 +103,9 @@ def _read(folder, seed, content):
         return "memory", str(error)[:200]
     except BaseException as error:
         return "exception", f"{type(error).__name__}: {str(error)[:300]}"
-    for note in notes if isinstance(notes, list) else ():
-        if raw := raw_words(note, content):
-            return "raw", f"{raw}: {note[:400]}"
+    for message in (str(warning.message) for warning in caught):
+        if raw := raw_words(message, content):
+            return "raw", f"{raw}: {message[:400]}"
     return None, ""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
 from lightdepth.checks.support import support_problems
 from lightdepth.checks.view import look_around
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, InputWarning
 from lightdepth.scene.load import read_scene
 from lightdepth.scene.model import Scene
 
@@ -40,14 +41,18 @@ def inspect_file(path: Path) -> Inspection:
         SetupError: rays cannot be cast, for libLLVM is missing.
     """
     try:
-        contents = read_scene(path)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", InputWarning)
+            contents = read_scene(path)
     except InputError as error:
         return Inspection((Problem(Severity.ERROR, str(error)),), None)
-    unreadable = tuple(Problem(Severity.ERROR, message) for message in contents.problems)
+    said = dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, InputWarning))
+    unapplied = [Problem(Severity.WARNING, message) for message in said]
+    unreadable = [Problem(Severity.ERROR, message) for message in contents.problems]
     if contents.scene is None:
-        return Inspection(unreadable, None)
+        return Inspection((*unreadable, *unapplied), None)
     found = _inspect(contents.scene, contents.unread)
-    return Inspection((*unreadable, *found.problems), found.coverage)
+    return Inspection(_worst_first([*unreadable, *unapplied, *found.problems]), found.coverage)
 
 
 def find_problems(scene: Scene) -> list[Problem]:
@@ -74,7 +79,7 @@ def inspect_scene(scene: Scene) -> Inspection:
 
 def _inspect(scene: Scene, unread: int = 0) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
-    problems = [Problem(Severity.WARNING, message) for message in scene.notes] + radiance_problems(scene.panorama)
+    problems = radiance_problems(scene.panorama)
     if not scene.real and scene.panorama.depth is None:
         return Inspection(tuple(problems), None)
     view = look_around(scene)
@@ -87,5 +92,9 @@ def _inspect(scene: Scene, unread: int = 0) -> Inspection:
         problems += hole_problems(coverage, unread)
         problems += [problem for surface in scene.real for problem in support_problems(surface, view)]
         problems += object_problems(scene.synthetic, view) if scene.real else []
+    return Inspection(_worst_first(problems), coverage)
+
+
+def _worst_first(problems: list[Problem]) -> tuple[Problem, ...]:
     order = list(Severity)
-    return Inspection(tuple(sorted(problems, key=lambda problem: order.index(problem.severity))), coverage)
+    return tuple(sorted(problems, key=lambda problem: order.index(problem.severity)))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from importlib import metadata
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -16,7 +17,7 @@ from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.render import render
-from lightdepth.errors import LightdepthError
+from lightdepth.errors import InputWarning, LightdepthError
 
 app = typer.Typer(
     name="lightdepth",
@@ -48,11 +49,26 @@ app.command()(doctor)
 
 def main() -> None:
     """Run the command line; a known problem ends in one message and its exit status, without a traceback."""
+    shown_by_python = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        if issubclass(category, InputWarning):
+            _console().print(f"[yellow]warning:[/] {_plain(str(message))}")
+        else:
+            shown_by_python(message, category, *place, **more)
+
+    warnings.showwarning = show
     try:
         app()
     except LightdepthError as error:
-        Console(stderr=True, soft_wrap=True, highlight=False).print(f"[bold red]error:[/] {_plain(str(error))}")
+        _console().print(f"[bold red]error:[/] {_plain(str(error))}")
         sys.exit(error.exit_status)
+    finally:
+        warnings.showwarning = shown_by_python
+
+
+def _console() -> Console:
+    return Console(stderr=True, soft_wrap=True, highlight=False)
 
 
 def _plain(message: str) -> str:

@@ -15,7 +15,7 @@ from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.scene.depth import read_depth
 from lightdepth.scene.materials import Principled, Texture
-from lightdepth.scene.meshes import MeshPart, Note, read_mesh_file
+from lightdepth.scene.meshes import MeshPart, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
 from lightdepth.scene.meshes.geometry import merged, placed, placement
 from lightdepth.scene.meshes.mirrored import split_mirrored
@@ -86,14 +86,13 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     """
     tables, problems = read_tables(path)
     real: list[RealSurface] = []
-    notes: list[str] = []
     for number, surface in enumerate(tables.real):
         with problems.noting(("real", number)):
-            real += [] if surface is None else [_real_surface(surface, notes.append)]
+            real += [] if surface is None else [_real_surface(surface)]
     synthetic: list[SyntheticObject] = []
     for number, thing in enumerate(tables.synthetic):
         with problems.noting(("synthetic", number)):
-            synthetic += [] if thing is None else [_synthetic_object(thing, notes.append)]
+            synthetic += [] if thing is None else [_synthetic_object(thing)]
     pose = tables.pose or CapturePose()
     panorama = _panorama(pose, tables.picture, repair, problems)
     cameras: dict[str, CameraView] = {}
@@ -104,7 +103,7 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
         pano = Equirectangular(type="equirectangular", width=panorama.radiance.shape[1])
         cameras["pano"] = _camera_view(pano, pose)
     render = RenderSettings() if tables.render is None else RenderSettings(**tables.render.model_dump())
-    scene = Scene(panorama, tuple(real), tuple(synthetic), cameras, render, path, tuple(dict.fromkeys(notes)))
+    scene = Scene(panorama, tuple(real), tuple(synthetic), cameras, render, path)
     return Contents(None if tables.pose is None else scene, len(tables.real) - len(real), problems.messages)
 
 
@@ -130,8 +129,8 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
     return panorama
 
 
-def _real_surface(table: RealTable, note: Note) -> RealSurface:
-    mesh = merged([part.mesh for part in read_mesh_file(table.mesh, with_materials=False, note=note)])
+def _real_surface(table: RealTable) -> RealSurface:
+    mesh = merged([part.mesh for part in read_mesh_file(table.mesh, with_materials=False)])
     if table.rest is not None:
         mesh = replace(mesh, rest=_rest_positions(table.rest, mesh, table.mesh))
     return RealSurface(
@@ -153,10 +152,10 @@ def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.float
     return rest.vertices
 
 
-def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject, note: Note) -> SyntheticObject:
+def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject) -> SyntheticObject:
     if isinstance(table, MeshObject):
         to_world = placement(table.position, table.rotation, table.scale)
-        parts = read_mesh_file(table.mesh, with_materials=table.material is None, note=note)
+        parts = read_mesh_file(table.mesh, with_materials=table.material is None)
         standing = [_part(part, to_world, table) for part in parts]
         pieces = [piece for part in standing for half in split_mirrored(part) for piece in split_emissive(half)]
         return SyntheticObject(table.name, tuple(pieces))

@@ -164,7 +164,6 @@ class Scene:
         cameras: by name.
         render: settings.
         path: the scene file, where it comes from one.
-        notes: what files say that is left out or taken otherwise, a message for each.
     """
 
     panorama: Panorama
@@ -173,4 +172,3 @@ class Scene:
     cameras: Mapping[str, CameraView] = field(default_factory=dict)
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
-    notes: tuple[str, ...] = ()
