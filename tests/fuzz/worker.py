@@ -46,7 +46,7 @@ def main(folder, names, first, last):
             seed = chosen[number % len(chosen)]
             content = content_of(seed, number, chosen)
             _prepare(folder, seed)
-            (folder / "at").write_text(json.dumps({"number": number, "seed": seed.name}))
+            (folder / "at").write_text(json.dumps({"number": number, "seed": seed.name, **tally}))
             signal.setitimer(signal.ITIMER_PROF, SECONDS)
             what, message = _read(folder, seed, content)
             signal.setitimer(signal.ITIMER_PROF, 0.0)
