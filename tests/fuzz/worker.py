@@ -26,7 +26,8 @@ def main(folder, names, first, last):
     Mutants of each number are shared out among the seeds: number n is of seed n modulo their count.
     """
     folder = Path(folder)
-    chosen = [seed for seed in seeds() if names is None or seed.name in names]
+    sound = list(seeds())
+    chosen = [seed for seed in sound if names is None or seed.name in names]
     for seed in chosen:  # All modules are loaded before memory is counted.
         _prepare(folder, seed)
         what, message = _read(folder, seed, seed.content)
@@ -44,7 +45,7 @@ def main(folder, names, first, last):
     with (folder / "findings.jsonl").open("a") as findings:
         for number in range(first, last):
             seed = chosen[number % len(chosen)]
-            content = content_of(seed, number, chosen)
+            content = content_of(seed, number, sound)
             _prepare(folder, seed)
             (folder / "at").write_text(json.dumps({"number": number, "seed": seed.name, **tally}))
             signal.setitimer(signal.ITIMER_PROF, SECONDS)
@@ -70,9 +71,9 @@ def main(folder, names, first, last):
     os.dup2(real, 2)
 
 
-def content_of(seed, number, chosen):
-    """The bytes of a mutant."""
-    others = [other.content for other in chosen if other.kind == seed.kind]
+def content_of(seed, number, sound):
+    """The bytes of a mutant; pieces may come from any of the sound files of its kind."""
+    others = [other.content for other in sound if other.kind == seed.kind]
     return mutant(seed.content, others, random.Random(f"{seed.name} {number}"))
 
 
