@@ -14,6 +14,7 @@ from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
+from lightdepth.cli.new import new
 from lightdepth.cli.preview import preview
 from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.render import render
@@ -39,6 +40,7 @@ def _options(
 
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
+app.command()(new)
 app.add_typer(capture.app, name="capture")
 app.command()(preview)
 app.command()(calibrate)
