@@ -124,6 +124,13 @@ def layout(
     if not outdoor and (ceiling is None) == (ceiling_corner is None):
         raise InputError("give either --ceiling (metres) or --ceiling-corner (one click)")
     place = read_place(source, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height)
+    if camera_height is not None and abs(place.pose.position[2] - camera_height) > 1e-6:
+        floor_level = place.pose.position[2] - camera_height
+        typer.echo(
+            f"warning: the pose puts the capture point at height {place.pose.position[2]:g} m, --camera-height says "
+            f"{camera_height:g} m: the floor comes to lie at height {floor_level:.3g} m instead of 0",
+            err=True,
+        )
     surfaces = surfaces_from_layout(
         Clicked(floor, ceiling_corner, box or [], table or [], panel or []),
         place,
