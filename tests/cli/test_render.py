@@ -13,6 +13,7 @@ import pytest
 
 from lightdepth.film.layers import read_frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
+from lightdepth.images.tonemapping import AVERAGE_LUMINANCE
 
 from .room_folder import edit, make_room
 from .test_bad_input import MEANINGLESS
@@ -66,6 +67,7 @@ def test_a_program_is_told_how_it_goes(first):
     kinds = [event["event"] for event in events]
     assert kinds[0] == "preparing"
     assert kinds[-1] == "done"
+    assert events[-1]["exposure"] == pytest.approx(np.log2(AVERAGE_LUMINANCE / 0.5), abs=0.01)
     assert set(kinds) <= {"preparing", "progress", "preview", "done"}
     assert "preview" in kinds
     progress = [event for event in events if event["event"] == "progress"]
@@ -97,6 +99,8 @@ def test_the_file_has_all_layers_and_says_how_it_was_made(first):
     assert float(frame.metadata["samples"]) == pytest.approx(100, rel=0.05)
     assert float(frame.metadata["clamp_indirect"]) == 5.0
     assert float(frame.metadata["error"]) > 0.0
+    # But for few clipped pixels, the panorama's radiance is 0.5.
+    assert float(frame.metadata["exposure"]) == pytest.approx(np.log2(AVERAGE_LUMINANCE / 0.5), abs=0.01)
     assert float(frame.metadata["irradiance_error"]) >= 0.0
     assert sorted(path.name for path in target.parent.iterdir()) == ["picture.exr", "picture.png"]
 

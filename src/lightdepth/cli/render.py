@@ -44,8 +44,8 @@ def render(
         bool, typer.Option("--draft", help="A quick look: one sample, light known roughly, no layers.")
     ] = False,
     exposure: Annotated[
-        float | None, typer.Option(help="Exposure of the PNG in stops; from the photograph by default.")
-    ] = None,
+        float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
+    ] = 0.0,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
@@ -64,7 +64,7 @@ def render(
     Example: lightdepth render examples/lounge/scene.toml --camera view -o out/view.exr --samples 64
     """
     from lightdepth.api import begin_rendering, forget_prepared, load_scene
-    from lightdepth.film.layers import AUXILIARY, LAYERS
+    from lightdepth.film.layers import AUXILIARY, LAYERS, picture_exposure
     from lightdepth.packages import require_package
 
     if denoise:  # Not first found out when all is rendered.
@@ -97,13 +97,14 @@ def render(
 
                 frame = denoised(frame, panoramic)
             _write(target, frame, panoramic, chosen, exposure)
+            shown_at = picture_exposure(frame) + exposure
         except KeyboardInterrupt:
             when = (
                 "again; the picture was not finished" if interruption.wait else "while preparing; nothing was written"
             )
             Console(stderr=True).print(f"interrupted {when}", style="yellow")
             raise typer.Exit(INTERRUPTED) from None
-    teller.done(interrupted)
+    teller.done(interrupted, shown_at)
     if interrupted:
         raise typer.Exit(INTERRUPTED)
 
@@ -142,7 +143,7 @@ def _rendered(
         return complete(rendering, watch), rendering.panoramic
 
 
-def _show(teller: _Teller, target: Path, exposure: float | None, rendering: Rendering) -> None:
+def _show(teller: _Teller, target: Path, exposure: float, rendering: Rendering) -> None:
     """Write the unfinished picture, and say so."""
     _write(target, rendering.frame(auxiliary=False), rendering.panoramic, [], exposure)
     teller.event({"event": "preview", "file": str(target)})
@@ -159,15 +160,15 @@ def _check_output(target: Path) -> None:
         check_writable(file if folder == target.absolute().parent or not folder.is_dir() else folder / file.name)
 
 
-def _write(target: Path, frame: Frame, panoramic: bool, layers: list[str] | None, exposure: float | None) -> None:
-    from lightdepth.film.layers import write_frame, write_picture
+def _write(target: Path, frame: Frame, panoramic: bool, layers: list[str] | None, exposure: float) -> None:
+    from lightdepth.film.layers import picture_exposure, write_frame, write_picture
 
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"-o {target}: cannot be written ({error.strerror})") from error
     write_frame(target, frame, latlong=panoramic, layers=layers)
-    write_picture(target.with_suffix(".png"), frame, exposure)
+    write_picture(target.with_suffix(".png"), frame, picture_exposure(frame) + exposure)
 
 
 class _Interruption:
@@ -246,8 +247,10 @@ class _Teller:
             sys.stdout.write(json.dumps(event) + "\n")
             sys.stdout.flush()
 
-    def done(self, interrupted: bool) -> None:
-        self.event({"event": "interrupted" if interrupted else "done", "file": str(self._target)})
+    def done(self, interrupted: bool, exposure: float) -> None:
+        event = "interrupted" if interrupted else "done"
+        self.event({"event": event, "file": str(self._target), "exposure": round(exposure, 3)})
         if self._kind != "json":
             prefix = "interrupted; what was rendered so far is in" if interrupted else "wrote"
-            self._console.print(f"{prefix} {self._target} and {self._target.with_suffix('.png')}")
+            picture = self._target.with_suffix(".png")
+            self._console.print(f"{prefix} {self._target} and {picture} (exposure {exposure:+.2f} stops)")

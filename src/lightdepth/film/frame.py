@@ -7,6 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+EXPOSURE = "exposure"
+"""Among a frame's facts: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
+
 
 @dataclass
 class Frame:

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Equirectangular
 from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.auxiliary import render_auxiliary
-from lightdepth.film.frame import Frame
+from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import render_plate
 from lightdepth.film.selection import influenced_pixels
+from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 from lightdepth.scene.model import CameraView, Scene
@@ -195,6 +196,7 @@ class Rendering:
             "samples": f"{self._accumulator.taken.mean():.1f}" if len(self.pixels) else "0",
             "error": f"{self.error():.5f}",
             "irradiance_error": f"{report.mean_error:.5f}",
+            EXPOSURE: f"{auto_exposure(self._scene.panorama.radiance):.3f}",
         }
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)
