@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from lightdepth.checks.cameras import camera_problems
 from lightdepth.checks.capture_point import capture_point_problems
 from lightdepth.checks.coverage import Coverage, hole_problems, measure_coverage
 from lightdepth.checks.objects import object_problems
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
+from lightdepth.checks.size import size_problems
 from lightdepth.checks.support import support_problems
 from lightdepth.checks.view import look_around
 from lightdepth.errors import InputError
@@ -74,7 +76,7 @@ def inspect_scene(scene: Scene) -> Inspection:
 
 def _inspect(scene: Scene, unread: int = 0) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
-    problems = radiance_problems(scene.panorama)
+    problems = radiance_problems(scene.panorama) + size_problems(scene.synthetic)
     if not scene.real and scene.panorama.depth is None:
         return Inspection(tuple(problems), None)
     view = look_around(scene)
@@ -86,6 +88,6 @@ def _inspect(scene: Scene, unread: int = 0) -> Inspection:
     if not misplaced:  # Seen from a wrong point, everything else looks wrong as well.
         problems += hole_problems(coverage, unread)
         problems += [problem for surface in scene.real for problem in support_problems(surface, view)]
-        problems += object_problems(scene.synthetic, view) if scene.real else []
+        problems += object_problems(scene.synthetic, view) + camera_problems(scene, view) if scene.real else []
     order = list(Severity)
     return Inspection(tuple(sorted(problems, key=lambda problem: order.index(problem.severity))), coverage)

@@ -41,14 +41,15 @@ def object_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> li
         points, normals = surface_points(mesh.vertices, mesh.faces, 400)
         if not len(points):
             continue
-        found = [_out_of_sight(points, view, _is_lamp(thing))]
+        found = [_out_of_sight(points, view, is_lamp(thing))]
         if found[0] is None:
             found = [_standing(mesh, number, others, view), _coinciding(points, normals, view)]
         problems += [Problem(p.severity, f'[[synthetic]] "{thing.name}": {p.message}') for p in found if p is not None]
     return problems
 
 
-def _is_lamp(thing: SyntheticObject) -> bool:
+def is_lamp(thing: SyntheticObject) -> bool:
+    """Whether an object gives light."""
     return any("emitter" in part.material.plugins() for part in thing.parts)
 
 

@@ -261,8 +261,8 @@ def lights(
 ) -> None:
     """The strongest sources of light: where they are in metres, their size and share of the light.
 
-    This is how you check that the lamps are where the lamps are. A source in the sky has a direction and a size in
-    degrees.
+    This is how you check that the lamps are where the lamps are. A source in the sky has a direction (azimuth clockwise
+    of the world's y axis, elevation above the horizon) and a size in degrees.
 
     Example: lightdepth reconstruct lights lounge.toml --picture lights.png --table lights.csv
     """
@@ -313,9 +313,11 @@ def _lights_table(sources: Sequence[Source]) -> Table:
         column.justify = "right"
     for number, item in enumerate(sources, start=1):
         if item.position is None:
-            where, distance, unit = ["sky", *("-" * 2)], "-", "deg"
+            where, unit = ["sky", f"az {item.azimuth:.1f}", f"el {item.elevation:.1f}"], "deg"
+            distance = "-"
         else:
-            where, distance, unit = [f"{x:.2f}" for x in item.position], f"{item.distance:.2f}", "m"
+            where, unit = [f"{x:.2f}" for x in item.position], "m"
+            distance = f"{item.distance:.2f}"
         size = f"{item.size[0]:.2f} x {item.size[1]:.2f} {unit}"
         shown.add_row(str(number), *where, distance, size, f"{100 * item.share:.1f} %", f"{item.luminance:.4g}")
     return shown
