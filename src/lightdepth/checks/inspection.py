@@ -7,6 +7,7 @@ from collections import OrderedDict
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lightdepth.checks.cameras import camera_problems
 from lightdepth.checks.capture_point import capture_point_problems
 from lightdepth.checks.coverage import Coverage, hole_problems, measure_coverage
 from lightdepth.checks.gloss import gloss_problems
@@ -15,6 +16,7 @@ from lightdepth.checks.objects import object_problems, standing_problems
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
+from lightdepth.checks.size import size_problems
 from lightdepth.checks.support import support_problems
 from lightdepth.checks.view import CaptureView, look_around
 from lightdepth.errors import InputError, InputWarning
@@ -148,7 +150,7 @@ def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
 def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
     checked = _checked_place(scene, unread)
-    problems = list(checked.radiance)
+    problems = [*checked.radiance, *size_problems(scene.synthetic)]
     if checked.view is None:
         return Inspection(tuple(problems), None)
     misplaced: list[Problem] = []
@@ -161,6 +163,7 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
         problems += checked.others
         if scene.real:
             problems += object_problems(scene.synthetic, checked.view, checked.objects)
+            problems += camera_problems(scene, checked.view)
         if scene.real and hints:
             problems += standing_problems(scene.synthetic, checked.view)
     return Inspection(_worst_first(problems), checked.coverage)

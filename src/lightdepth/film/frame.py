@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 from lightdepth.cameras.topology import Flat, Topology
 from lightdepth.film.cryptomatte import Mattes
 
+EXPOSURE = "exposure"
+"""Among a frame's facts: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
+
 
 @dataclass
 class Frame:

@@ -12,7 +12,7 @@ import OpenEXR
 from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.errors import InputError
 from lightdepth.film.cryptomatte import matte_channels
-from lightdepth.film.frame import Frame
+from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.images.png import write_png
 from lightdepth.images.tonemapping import Curve, auto_exposure, tone_map
@@ -126,21 +126,30 @@ def read_frame(path: Path) -> Frame:
     )
 
 
+def picture_exposure(frame: Frame) -> float:
+    """Stops at which a frame is shown: by the brightness of the whole panorama.
+
+    So it is the same for all cameras and frames of a scene, and new objects do not change it. A frame that was not
+    rendered from a scene, and does not know its panorama, goes by its plate.
+    """
+    known = frame.metadata.get(EXPOSURE)
+    return auto_exposure(frame.plate, frame.alpha) if known is None else float(known)
+
+
 def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx-like") -> None:
     """Write a frame's finished image as PNG for the screen, transparent outside the camera's image.
 
     Args:
         path: where to write; the file appears whole or not at all.
         frame: what to show.
-        exposure_stops: see :func:`~lightdepth.images.tonemapping.tone_map`; ``None`` takes it from the photograph's
-            brightness, so that new objects do not change it.
+        exposure_stops: see :func:`~lightdepth.images.tonemapping.tone_map`; ``None`` takes :func:`picture_exposure`.
         curve: the tone curve.
 
     Raises:
         InputError: the file cannot be written.
     """
     if exposure_stops is None:
-        exposure_stops = auto_exposure(frame.plate, frame.alpha)
+        exposure_stops = picture_exposure(frame)
     pixels = np.empty(frame.plate.shape, np.uint8)
     for first in range(0, len(pixels), ROWS_AT_ONCE):
         here = slice(first, first + ROWS_AT_ONCE)

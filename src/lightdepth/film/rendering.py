@@ -20,11 +20,12 @@ from lightdepth.errors import InputError
 from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.auxiliary import render_auxiliary
 from lightdepth.film.cryptomatte import shape_names
-from lightdepth.film.frame import Frame
+from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import render_plate
 from lightdepth.film.selection import influenced_pixels
 from lightdepth.film.sums import Origin, PixelSums, Share
+from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.start import DEVICE_LOCK
 from lightdepth.place.light_list import LightList
@@ -416,6 +417,7 @@ class Rendering:
             "samples": f"{self._accumulator.taken.mean():.1f}" if len(self.pixels) else "0",
             "error": f"{self.error():.5f}",
             "irradiance_error": f"{report.mean_error:.5f}",
+            EXPOSURE: f"{auto_exposure(self._scene.panorama.radiance):.3f}",
         }
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)
