@@ -89,9 +89,10 @@ def link(material, source, target):
 
 
 def pattern(alpha=False, scale=1.0):
-    """Red and green ramps with a blue checker, sRGB or radiance; shape (16, 16, 4)."""
-    v, u = np.meshgrid(np.arange(16) / 15, np.arange(16) / 15, indexing="ij")
-    checker = ((np.arange(16)[:, None] // 4 + np.arange(16)[None, :] // 4) % 2).astype(float)
+    """Red and green ramps with a blue checker, sRGB or radiance; shape (64, 64, 4)."""
+    ticks = np.arange(64)
+    v, u = np.meshgrid(ticks / 63, ticks / 63, indexing="ij")
+    checker = ((ticks[:, None] // 16 + ticks[None, :] // 16) % 2).astype(float)
     covered = checker if alpha else np.ones_like(u)
     return np.stack([0.1 + 0.8 * u, 0.1 + 0.8 * v, 0.2 + 0.6 * checker, covered], -1) * (scale, scale, scale, 1.0)
 
