@@ -639,12 +639,17 @@ def subdivided(s):
     item.modifiers.new("smooth", "SUBSURF").render_levels = 2
 
 
+def move_to(item, collection):
+    for each in item.users_collection:
+        each.objects.unlink(item)
+    collection.objects.link(item)
+
+
 @scene()
 def collection_instance(s):
     group = bpy.data.collections.new("group")
     piece = ball(principled(Base_Color=GREEN), (0, 0, 0), 0.2)
-    s.collection.objects.unlink(piece)
-    group.objects.link(piece)
+    move_to(piece, group)
     for x in (-0.4, 0.0, 0.4):
         holder = bpy.data.objects.new("holder", None)
         holder.instance_type, holder.instance_collection = "COLLECTION", group
@@ -689,8 +694,7 @@ def indirect_only(s):
     group = bpy.data.collections.new("indirect")
     s.collection.children.link(group)
     item = ball(principled(Base_Color=RED))
-    s.collection.objects.unlink(item)
-    group.objects.link(item)
+    move_to(item, group)
     bpy.context.view_layer.layer_collection.children["indirect"].indirect_only = True
 
 
