@@ -154,6 +154,9 @@ def foretold_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray
         end = start + np.array([0.0, 1.0] if axis == 0 else [1.0, 0.0])
         pairs.append((start, end, surface[y, x]))
     start, end, of = (np.concatenate([pair[i] for pair in pairs]) for i in range(3))
+    if not len(start):
+        none = np.zeros((0, 2))
+        return Edges(none, none, np.zeros(0, np.int32), none, np.zeros(0), np.zeros(0))
     if len(start) > MOST_EDGES:
         kept = np.linspace(0, len(start) - 1, MOST_EDGES).astype(int)
         start, end, of = start[kept], end[kept], of[kept]
@@ -185,6 +188,8 @@ def foretold_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray
 
 def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     """The edges with where the photograph shows them, if it does within so many heights of a pixel."""
+    if not len(edges.pixel):
+        return edges
     outer = reach + HALF_EDGE + PLATEAU
     offsets = np.arange(-outer, outer + STEP / 2, STEP)
     count = len(edges.pixel)
