@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: install demo test lint bench bench-peers extension blender-setup lock clean
+.PHONY: install demo test lint fuzz bench bench-peers extension blender-setup lock clean
 
 install: $(STAMP)
 
@@ -26,6 +26,10 @@ lint: install
 
 test: lint
 	$(BIN)/python -m pytest
+
+# Ten thousand damaged files of every format; the suite tries a few hundred.
+fuzz: install
+	$(BIN)/python -m tests.fuzz
 
 # Truth and speed; the compared renderers take part where `make bench-peers` installed them.
 bench: install

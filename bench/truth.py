@@ -149,24 +149,22 @@ def film_rays(
         pixels: which, row-major indices; all of them by default.
 
     Returns:
-        ``(mi.RayDifferential3f, inside)`` as :meth:`lightdepth.cameras.Camera.camera_rays` has it.
+        ``(mi.RayDifferential3f, inside)``, the latter false where the film sees nothing.
     """
     import drjit as dr
     import mitsuba as mi
 
     from lightdepth.kernel.arrays import aligned
-    from lightdepth.kernel.variables import as_matrix, as_point
 
     width, height = view.camera.resolution
     chosen = mi.UInt32(aligned(np.arange(width * height) if pixels is None else pixels, np.uint32))
     rays = len(chosen) * per_pixel
-    to_world, origin = as_matrix(view.rotation), as_point(view.position)
     sampler.set_samples_per_wavefront(per_pixel)
     sampler.seed(seed, rays)
     index = dr.gather(mi.UInt32, chosen, dr.arange(mi.UInt32, rays) // dr.opaque(mi.UInt32, per_pixel))
-    film = (mi.Point2f(index % width, index // width) + sampler.next_2d()) / mi.Point2f(width, height)
-    start_point, direction, inside = view.camera.camera_rays(film, sampler.next_2d())
-    return mi.RayDifferential3f(to_world @ mi.Vector3f(start_point) + origin, to_world @ direction), inside
+    column, row = mi.Float(index % width), mi.Float(index // width)
+    seen = view.pixel_rays(column, row, sampler.next_2d(), sampler.next_2d())
+    return mi.RayDifferential3f(seen.ray), seen.inside
 
 
 def coverage(scene: Any, view: CameraView) -> NDArray[np.float64]:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from lightdepth.errors import InputError
-from lightdepth.kernel.start import Device, start
+from lightdepth.film.sums import Share
+from lightdepth.kernel.start import DEVICE_LOCK, Device, start
 from lightdepth.packages import require_package
+from lightdepth.scene.identity import digest, scene_digest
 from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import CameraView, Scene
 
@@ -46,7 +49,7 @@ def render(
         noise: relative error at which a pixel is done; the scene's own setting by default.
         method: ``difference``, or another name out of ``lightdepth.preparation.METHODS``.
         seed: of the random numbers; the scene's own setting by default.
-        device: ``auto``, ``cpu`` or ``cuda``.
+        device: ``auto``, which is the CPU, ``cpu`` or ``cuda``; one process keeps the device that it started with.
         denoise: denoise the change and the synthetic layer.
         progress: called after every pass; where it returns true, the rendering stops with what it has.
         draft: a quick look: one noisy sample a pixel, if ``samples`` does not say otherwise, and shadows whose strength is
@@ -56,8 +59,10 @@ def render(
         The image with its layers.
 
     Raises:
-        InputError: the camera or the method is unknown, or ``lightdepth check`` finds an error in the scene.
-        SetupError: the renderer or the denoiser is not installed rightly.
+        InputError: the camera or the method is unknown, ``samples`` or ``noise`` is out of range, or
+            ``lightdepth check`` finds an error in the scene.
+        SetupError: the renderer or the denoiser is not installed rightly, or the device is not there or not the one
+            that this process already computes on.
     """
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
@@ -66,7 +71,7 @@ def render(
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
 
-        return denoised(frame, rendering.panoramic)
+        return denoised(frame)
     return frame
 
 
@@ -78,6 +83,7 @@ def begin_rendering(
     device: Device = "auto",
     warn: Callable[[str], None] | None = None,
     draft: bool = False,
+    share: Share | None = None,
 ) -> Rendering:
     """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
 
@@ -91,26 +97,31 @@ def begin_rendering(
         device: ``auto``, ``cpu`` or ``cuda``.
         warn: told what will make the picture wrong in places, before the preparation takes its time.
         draft: a quick look.
+        share: the part of the work that this process does, see :class:`~lightdepth.film.sums.Share`; all by default.
     """
     view = find_camera(scene, camera)
     start(device)
     find_method(method)
-    for warning in _renderable(scene):
-        if warn is not None:
-            warn(warning)
-    from lightdepth.film.rendering import Rendering
+    seed = scene.render.seed if seed is None else seed
+    with DEVICE_LOCK:
+        for warning in _renderable(scene):
+            if warn is not None:
+                warn(warning)
+        from lightdepth.film.rendering import Rendering
 
-    if draft:
-        scene = _drafted(scene)
-    return Rendering(scene, _prepare(scene, method), view, method, scene.render.seed if seed is None else seed)
+        if draft:
+            scene = _drafted(scene)
+        return Rendering(scene, _prepare(scene, method), view, method, seed, share or Share())
 
 
 def find_camera(scene: Scene, name: str | None) -> CameraView:
     """A camera by name, or the first.
 
     Raises:
-        InputError: there is no camera of this name.
+        InputError: there is no camera of this name, or none at all.
     """
+    if not scene.cameras:
+        raise InputError(f"{scene.path or 'scene'}: has no camera")
     if name is None:
         return next(iter(scene.cameras.values()))
     if name not in scene.cameras:
@@ -135,19 +146,42 @@ def forget_prepared() -> None:
     """Free the memory of what :func:`begin_rendering` keeps of the scenes that were rendered last."""
     import drjit as dr
 
-    _prepare.cache_clear()
-    _renderable.cache_clear()
+    _prepared.clear()
+    _warnings.clear()
     _drafted.cache_clear()
     dr.flush_malloc_cache()
 
 
-@lru_cache(maxsize=2)
+SCENES_KEPT = 2
+"""Scenes of which is kept what they were prepared to."""
+_prepared: OrderedDict[str, Prepared] = OrderedDict()
+_warnings: OrderedDict[str, tuple[str, ...]] = OrderedDict()
+"""By the digest of the scene, so that another object of the same contents counts."""
+Made = TypeVar("Made")
+
+
+def _kept(kept: OrderedDict[str, Made], key: str, make: Callable[[], Made]) -> Made:
+    """What is kept for ``key``, else what ``make`` makes for it."""
+    if key not in kept:
+        made = make()
+        kept[key] = made
+    kept.move_to_end(key)
+    while len(kept) > SCENES_KEPT:
+        kept.popitem(last=False)
+    return kept[key]
+
+
 def _renderable(scene: Scene) -> tuple[str, ...]:
     """What will make pictures of a scene wrong in places.
 
     Raises:
         InputError: there is what would make them meaningless; a line for each such problem.
     """
+    key = digest(scene_digest(scene), *scene.cameras.values())
+    return _kept(_warnings, key, lambda: _find_warnings(scene))
+
+
+def _find_warnings(scene: Scene) -> tuple[str, ...]:
     from lightdepth.checks import Severity, find_problems
 
     problems = find_problems(scene)
@@ -167,6 +201,5 @@ def _drafted(scene: Scene) -> Scene:
     return replace(scene, render=settings)
 
 
-@lru_cache(maxsize=2)
 def _prepare(scene: Scene, method: str) -> Prepared:
-    return find_method(method)(scene)
+    return _kept(_prepared, f"{method} {scene_digest(scene)}", lambda: find_method(method)(scene))

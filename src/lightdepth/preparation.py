@@ -10,6 +10,7 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 
+from lightdepth.cancellation import raise_if_cancelled
 from lightdepth.errors import InputError
 from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
@@ -17,6 +18,7 @@ from lightdepth.place.object_bounds import ObjectBounds
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
+from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
 from lightdepth.recovery.support_irradiance import IrradianceReport, recover_irradiance
 from lightdepth.recovery.unseen_albedo import recover_hidden
 from lightdepth.scene.model import RealSurface, Role, Scene
@@ -54,11 +56,15 @@ def _difference(scene: Scene, infinite: bool = False) -> Prepared:
     draft = scene.render.draft
     if not (infinite or modelled.deformed or draft):  # It would be a quarter of a draft's time.
         empty, modelled = recover_hidden(empty, modelled, generator, samples)
+    raise_if_cancelled()
     shapes = tuple(synthetic_shapes(scene))
     bounds = _bounds(shapes)
     spheres = bounds.spheres if bounds is not None else []
+    modelled = with_fitted_glosses(empty, modelled)
     real, report = recover_irradiance(empty, modelled, spheres, generator, samples)
+    raise_if_cancelled()
     surfaces = TracedSurfaces(real, [shape for _, shape in shapes])
+    empty = recover_mirrored(empty, modelled)
     place = empty.with_surfaces(surfaces)
     if modelled.deformed:
         place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)

@@ -167,7 +167,7 @@ def test_poses_are_written_into_any_style_of_scene(tmp_path, text, names):
     ("content", "words"),
     [
         (None, "no such file"),
-        ("[panorama\n", "not a readable TOML file"),
+        ("[panorama\n", "not valid TOML"),
         ("[render]\nsamples = 4\n", r"has no \[panorama\] table"),
         ("panorama = 3\n", r"has no \[panorama\] table"),
     ],

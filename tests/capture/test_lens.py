@@ -47,6 +47,7 @@ def test_rigs():
         (0, 0), (72, 0), (144, 0), (216, 0), (288, 0), (0, 90), (0, -90),
     ]  # fmt: skip
     assert parse_rig("0,0 120,10,5", 2) == [(0, 0, 0), (120, 10, 5)]
+    assert len(parse_rig(" ".join(["123.456,-12.345"] * 40), 40)) == 40  # Longer than a file's name may be.
     for text, count in (("paper", 6), ("0,0 x", 2), ("0 1", 2)):
         with pytest.raises(InputError, match="--rig"):
             parse_rig(text, count)

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import threading
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -64,10 +65,15 @@ def test_a_program_is_told_how_it_goes(first):
     target, status, events, _ = first
     assert status == 0
     kinds = [event["event"] for event in events]
-    assert kinds[0] == "preparing"
+    assert events[0] == {"event": "hello", "version": version("lightdepth"), "schema": 1}
+    assert [event["stage"] for event in events if event["event"] == "stage"] == ["preparing", "rendering", "writing"]
+    assert events[1] == {"event": "stage", "stage": "preparing"}
     assert kinds[-1] == "done"
-    assert set(kinds) <= {"preparing", "progress", "preview", "done"}
-    assert "preview" in kinds
+    assert set(kinds) <= {"hello", "stage", "warning", "progress", "picture", "done"}
+    pictures = [event for event in events if event["event"] == "picture"]
+    assert len(pictures) > 1
+    assert [event["finished"] for event in pictures] == [False] * (len(pictures) - 1) + [True]
+    assert {event["file"] for event in pictures} == {str(target)}
     progress = [event for event in events if event["event"] == "progress"]
     assert [event["fraction"] for event in progress] == sorted(event["fraction"] for event in progress)
     assert progress[-1]["fraction"] == 1.0
@@ -137,7 +143,7 @@ def test_ctrl_c_writes_what_there_is(scene, tmp_path):
             break
     output, errors = process.communicate(timeout=300)
     assert process.returncode == 130
-    assert json.loads(output.splitlines()[-1]) == {"event": "interrupted", "file": str(target)}
+    assert json.loads(output.splitlines()[-1]) == {"event": "done", "file": str(target), "interrupted": True}
     assert "Traceback" not in errors
     frame = read_frame(target)
     assert 0 < float(frame.metadata["samples"]) < 10_000_000
@@ -149,7 +155,9 @@ def test_ctrl_c_while_preparing_writes_nothing(scene, tmp_path):
     process = start_render(scene, "-o", target, "--repair", "--progress", "json")
     killer = threading.Timer(300, process.kill)
     killer.start()
-    assert json.loads(process.stdout.readline())["event"] == "preparing"
+    for line in process.stdout:
+        if json.loads(line) == {"event": "stage", "stage": "preparing"}:
+            break
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate()
     killer.cancel()
@@ -167,7 +175,8 @@ def test_a_disk_that_fills_up_leaves_nothing_half_written(first, scene, tmp_path
     assert status == 2
     assert f"{target}: cannot be written" in errors
     assert "Traceback" not in errors
-    assert events[-1]["event"] == "progress"
+    assert events[-1]["event"] == "failure"
+    assert f"{target}: cannot be written" in events[-1]["message"]
     assert list(tmp_path.iterdir()) == []
 
 

@@ -5,6 +5,7 @@ import OpenEXR
 import pytest
 from PIL import Image
 
+from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.errors import InputError
 from lightdepth.film.frame import Frame
 from lightdepth.film.layers import read_frame, write_frame, write_picture
@@ -40,6 +41,8 @@ def full_frame():
     frame.samples = random.integers(1, 2**32, shape, dtype=np.uint32)
     frame.metadata = {"method": "difference", "seed": "7"}
     frame.object_names = ("Flasche", "küche", "ball")
+    height, width = shape
+    frame.topology = Spherical((Rectangle(0, height, 0, width),))
     return frame
 
 
@@ -68,7 +71,7 @@ def test_full_coverage_leaves_nothing_of_a_bright_lamp():
 
 def test_a_frame_comes_back_from_its_file(tmp_path):
     frame = full_frame()
-    write_frame(tmp_path / "f.exr", frame, latlong=True)
+    write_frame(tmp_path / "f.exr", frame)
     back = read_frame(tmp_path / "f.exr")
     for name in ("plate", "change", "synthetic", "coverage", "alpha", "object_id", "depth", "variance", "samples"):
         np.testing.assert_array_equal(getattr(back, name), getattr(frame, name), strict=True)
@@ -76,11 +79,12 @@ def test_a_frame_comes_back_from_its_file(tmp_path):
     np.testing.assert_allclose(back.albedo, frame.albedo, atol=5e-4)
     assert back.metadata == frame.metadata
     assert back.object_names == frame.object_names
+    assert back.topology.environment_map == "latlong"
     np.testing.assert_array_equal(back.beauty, frame.beauty, strict=True)
 
 
 def test_the_file_says_what_other_programs_look_for(tmp_path):
-    write_frame(tmp_path / "f.exr", full_frame(), latlong=True)
+    write_frame(tmp_path / "f.exr", full_frame())
     with OpenEXR.File(str(tmp_path / "f.exr"), separate_channels=True) as file:
         parts = {part.name(): sorted(part.channels) for part in file.parts}
         assert file.parts[0].name() == "beauty"
@@ -102,7 +106,9 @@ def test_the_file_says_what_other_programs_look_for(tmp_path):
 
 
 def test_some_layers_only(tmp_path):
-    write_frame(tmp_path / "f.exr", full_frame(), layers=("depth",))
+    frame = full_frame()
+    frame.topology = Flat(48, 24)
+    write_frame(tmp_path / "f.exr", frame, layers=("depth",))
     with OpenEXR.File(str(tmp_path / "f.exr"), header_only=True) as file:
         assert [part.name() for part in file.parts] == ["beauty", "depth"]
         assert "envmap" not in file.parts[0].header

@@ -30,6 +30,12 @@ def place(request):
     return make_place(room(lamp_image(128)), alone=request.param)
 
 
+def seen(place, hit, direction):
+    """What the photograph sends along directions, and the density of that."""
+    ray = mi.Ray3f(mi.Point3f(0.0), direction)
+    return place.photograph.arriving(ray, hit, hit.distance, mi.Bool(True))[:2]
+
+
 def bin_of(direction):
     """Equal-area bins of world directions, shape (n,)."""
     x, y, z = direction
@@ -50,7 +56,7 @@ def expected_shares(place, point, per_side=2048):
         direction = np.stack([ring * np.cos(phi), ring * np.sin(phi), z_all]).reshape(3, -1).astype(np.float32)
         w = mi.Vector3f(direction)
         hit = place.surfaces.first_real(mi.Ray3f(mi.Point3f(point), w), mi.Bool(True))
-        _, pdf = place.seen(hit, w, hit.distance, mi.Bool(True))
+        _, pdf = seen(place, hit, w)
         np.add.at(total, bin_of(direction), pdf.numpy())
     return total * 4 * np.pi / (2 * per_side**2)
 
@@ -83,7 +89,7 @@ def test_light_samples_and_lookups_agree(place):
     light = lights.sample((dr.arange(mi.Float, 4096) + 0.5) / 4096, mi.Bool(True))
     direction, distance, pdf = place.toward(light, point)
     hit = place.surfaces.first_real(mi.Ray3f(point, direction), mi.Bool(True))
-    radiance, looked_up = place.seen(hit, direction, hit.distance, mi.Bool(True))
+    radiance, looked_up = seen(place, hit, direction)
     valid = (pdf > 0).numpy()
     assert valid.mean() > 0.95
     np.testing.assert_allclose(hit.distance.numpy()[valid], distance.numpy()[valid], rtol=1e-3)
@@ -111,8 +117,8 @@ def test_the_jacobian_goes_to_one_as_depth_grows():
         w = mi.Vector3f((directions / np.linalg.norm(directions, axis=0)).astype(np.float32))
         hit = place.surfaces.first_real(mi.Ray3f(mi.Point3f(CAPTURE + offset), w), mi.Bool(True))
         w0, _ = place.from_capture(hit, w)
-        _, at_capture = place.map.radiance_and_pdf(w0)
-        _, here = place.seen(hit, w, hit.distance, mi.Bool(True))
+        _, at_capture = place.photograph.map.radiance_and_pdf(w0)
+        _, here = seen(place, hit, w)
         ratio = (here / at_capture).numpy()
         error = np.median(np.abs(ratio[ratio > 0] - 1))
         assert error < last
@@ -125,9 +131,9 @@ def test_sky_is_directional():
     place = Place(scene.panorama, TracedSurfaces(merge_real_surfaces(())))
     w = mi.Vector3f(0.6, 0.0, 0.8)
     hit = place.surfaces.first_real(mi.Ray3f(mi.Point3f(CAPTURE + 3.0), w), mi.Bool(True))
-    radiance, pdf = place.seen(hit, w, hit.distance, mi.Bool(True))
+    radiance, pdf = seen(place, hit, w)
     turned = mi.Matrix3f(scene.panorama.rotation.T.astype(np.float32)) @ w
-    expected, density = place.map.radiance_and_pdf(turned)
+    expected, density = place.photograph.map.radiance_and_pdf(turned)
     np.testing.assert_allclose(radiance.numpy(), expected.numpy(), rtol=1e-6)
     np.testing.assert_allclose(pdf.numpy(), density.numpy(), rtol=1e-6)
 
@@ -140,8 +146,8 @@ def test_a_single_bright_pixel_is_sampled_without_outliers():
     image = np.full((32, 64, 3), 1e-3, np.float32)
     image[9, 17] = 1e5
     place = make_place(room(image))
-    _, direction = place.map.sample(1 << 14, np.random.default_rng(3))
-    radiance, pdf = place.map.radiance_and_pdf(direction)
+    _, direction = place.photograph.map.sample(1 << 14, np.random.default_rng(3))
+    radiance, pdf = place.photograph.map.radiance_and_pdf(direction)
     weight = (radiance / pdf).numpy()
     assert weight.max() < 1.1 * weight.mean()
 

@@ -120,7 +120,7 @@ def test_wrong_files_are_explained(tmp_path, pose):
     for name, message in (
         ("none.ply", "no such file"),
         ("few.xyz", "has 2 points"),
-        ("words.xyz", "not a readable .xyz"),
+        ("words.xyz", "not a readable file of points: line 2 is 'a b c'"),
         ("broken.las", "not a readable .las"),
         ("broken.ply", "not a readable .ply"),
         ("broken.e57", "not a readable .e57"),

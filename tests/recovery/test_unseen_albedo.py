@@ -62,8 +62,9 @@ def look(place, view):
     direction = as_matrix(view.rotation) @ direction
     ray = mi.Ray3f(mi.Point3f(mi.Vector3f(origin) + mi.Vector3f(as_point(view.position))), direction)
     hit = place.surfaces.first_real(ray, mi.Bool(True))
-    _, hidden, _ = place.sight(mi.Vector3f(hit.point), hit.normal)
-    radiance, pdf = place.seen(hit, direction, hit.distance, mi.Bool(True))
+    _, hidden, _ = place.photograph.sight(mi.Vector3f(hit.point), hit.normal)
+    ray = mi.Ray3f(mi.Point3f(0.0), direction)
+    radiance, pdf, _ = place.photograph.arriving(ray, hit, hit.distance, mi.Bool(True))
     return hit, hidden.numpy(), radiance.numpy().T, pdf.numpy()
 
 
@@ -136,7 +137,7 @@ def test_hidden_glow_is_not_taken_for_reflected_light(far_leg):
     centres = known.vertices[known.faces].mean(axis=1)
     on_lamp = (np.abs(centres[:, None] - at).max(axis=2) < 0.06).any(axis=1)
     assert on_lamp.sum() >= 2 * len(lamps)
-    seen = place.sight(mi.Vector3f(centres[on_lamp].T), mi.Vector3f(0.0, 0.0, 1.0))[0].numpy()
+    seen = place.photograph.sight(mi.Vector3f(centres[on_lamp].T), mi.Vector3f(0.0, 0.0, 1.0))[0].numpy()
     assert not known.unseen_albedo[on_lamp][seen].any()
 
 

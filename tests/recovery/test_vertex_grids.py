@@ -42,7 +42,7 @@ def traced(mesh, values):
     floor = merge_real_surfaces([RealSurface("floor", Mesh(FLOOR, HALVES), Role.SUPPORT)])
     grids = lay_out(mesh)
     everything = np.ones(len(HALVES), bool)
-    return TracedSurfaces(with_refined(floor, everything, floor, grids, values, np.zeros_like(values))), grids
+    return TracedSurfaces(with_refined(floor, everything, floor, grids, values)), grids
 
 
 def looked_up(surfaces, points):
@@ -122,6 +122,6 @@ def test_some_faces_alone_keep_their_values():
     nothing = replace(nothing, divisions=floor.divisions[:0], first_node=floor.first_node[:0])
     nothing = replace(nothing, unseen_albedo=floor.unseen_albedo[:0])
     some = grids.of_faces(chosen)
-    part = TracedSurfaces(with_refined(nothing, np.zeros(0, bool), floor, some, values, np.zeros_like(values)))
+    part = TracedSurfaces(with_refined(nothing, np.zeros(0, bool), floor, some, values))
     _, points = inside_faces(some.mesh, np.random.default_rng(1))
     np.testing.assert_allclose(looked_up(part, points), looked_up(surfaces, points), rtol=0, atol=1e-5)

@@ -6,6 +6,7 @@ import json
 import struct
 
 import numpy as np
+import pytest
 from PIL import Image
 
 
@@ -75,3 +76,50 @@ def write_glb(path, document):
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
     path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def with_draco(colors=None):
+    """The quad of the writer, its primitive compressed, without uncompressed data."""
+    draco = pytest.importorskip("DracoPy")
+    attributes = QUAD if colors is None else {**QUAD, "COLOR_0": colors}
+    document = gltf_document(attributes)
+    data = draco.encode(
+        np.array(QUAD["POSITION"], np.float32), np.array(QUAD_FACES, np.uint32), quantization_bits=16,
+        tex_coord=np.array(QUAD["TEXCOORD_0"], np.float64), normals=np.array(QUAD["NORMAL"], np.float64),
+        colors=colors,
+    )  # fmt: skip
+    kinds = {"NORMAL": 1, "COLOR_0": 2, "TEXCOORD_0": 3, "POSITION": 0}
+    ids = {a["attribute_type"]: a["unique_id"] for a in draco.decode(data).attributes}
+    primitive = document["meshes"][0]["primitives"][0]
+    used = {name: ids[kinds[name]] for name in primitive["attributes"]}
+    primitive["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": used}}
+    for accessor in document["accessors"]:
+        del accessor["bufferView"]
+    document["bufferViews"] = [{"buffer": 0, "byteLength": len(data)}]
+    document["buffers"] = [{"byteLength": len(data), "uri": data_uri(data)}]
+    document["extensionsRequired"] = ["KHR_draco_mesh_compression"]
+    return document
+
+
+def with_meshopt(extension="EXT_meshopt_compression"):
+    """The quad of the writer, its buffer views compressed, without uncompressed data."""
+    encoder = pytest.importorskip("meshoptimizer")
+    document = gltf_document()
+    raw = base64.b64decode(document["buffers"][0]["uri"].partition(",")[2])
+    packed = b""
+    for number, view in enumerate(document["bufferViews"]):
+        data = raw[view["byteOffset"] : view["byteOffset"] + view["byteLength"]]
+        if number == 0:
+            stride, encoded = 4, encoder.encode_index_buffer(np.frombuffer(data, "<u4"), 6, 4)
+        else:
+            stride = len(data) // 4
+            encoded = encoder.encode_vertex_buffer(np.frombuffer(data, "<f4").reshape(4, -1), 4, stride)
+        how = {
+            "buffer": 1, "byteOffset": len(packed), "byteLength": len(encoded), "byteStride": stride,
+            "count": len(data) // stride, "mode": "ATTRIBUTES" if number else "TRIANGLES",
+        }  # fmt: skip
+        view["extensions"] = {extension: how}
+        packed += encoded
+    document["buffers"] = [{"byteLength": len(raw)}, {"byteLength": len(packed), "uri": data_uri(packed)}]
+    document["extensionsRequired"] = [extension]
+    return document

@@ -286,10 +286,10 @@ def test_back_faces_are_seen(look):
     ("change", "message"),
     [
         ({"asset": {"version": "1.0"}}, "is glTF of version 1.0; 2.0 is needed"),
-        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "needs KHR_draco_mesh_compression, which is not"),
+        ({"extensionsRequired": ["ACME_hologram"]}, "needs the extension ACME_hologram, which lightdepth does not"),
         ({"buffers": [{"byteLength": 3, "uri": "gone.bin"}]}, "names the file gone.bin, which does not exist"),
         ({"nodes": [{}]}, "has no triangles"),
-        ({"accessors": []}, "not a readable .gltf mesh"),
+        ({"accessors": []}, "names accessor 1, but the file has 0 of them"),
     ],
 )
 def test_broken_files_say_what_is_wrong(parts_of, change, message):

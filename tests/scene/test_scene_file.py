@@ -1,5 +1,7 @@
 """The scene file: what it says, what is taken for granted, and what is said when it is wrong."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,9 @@ from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.scene import load_scene
 from lightdepth.scene.materials import Glass, Metal, Principled
 from lightdepth.scene.model import AnalyticShape, Gloss, RenderSettings, Role
+from lightdepth.toml_file import read_document
+
+FAULTS = Path(__file__).parents[1] / "faults"
 
 WHOLE = """
 [[real]]
@@ -236,6 +241,56 @@ def test_all_broken_files_come_at_once(write_scene, scene_folder):
 def test_syntax_errors_have_their_line(write_scene):
     with pytest.raises(InputError, match=r"scene.toml: not valid TOML: .*line 9"):
         load_scene(write_scene("[[synthetic]\n"))
+
+
+def test_a_byte_order_mark_is_no_fault(write_scene):
+    path = write_scene()
+    path.write_bytes(b"\xef\xbb\xbf" + path.read_text().replace("\n", "\r\n").encode())
+    assert [surface.name for surface in load_scene(path).real] == ["floor"]
+    assert read_document(path)["panorama"]["image"] == "p.exr"
+
+
+@pytest.mark.parametrize("read", [load_scene, read_document])
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"a = " + b"[" * 5000 + b"]" * 5000, "tables and lists stand more than 32 deep in each other"),
+        (b"a = 1" + b"0" * 5000, "not valid TOML: .* beyond 64 bits|not valid TOML: .* too many digits"),
+        (b"a = 1\nb = '\xff'\n", "line 2: not UTF-8 text"),
+    ],
+)
+def test_files_that_no_person_writes_are_refused_in_words(tmp_path, read, content, message):
+    (tmp_path / "a.toml").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        read(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"a = " + b"[" * 40 + b"]" * 40, b".".join([b"a"] * 2000) + b" = 1", b"a = " + str(2**63).encode(),
+     (FAULTS / "x8-toml/deep.toml").read_bytes()],
+)  # fmt: skip
+def test_values_that_nothing_reads_are_refused(tmp_path, content):
+    (tmp_path / "a.toml").write_bytes(content)
+    with pytest.raises(InputError, match="more than 32 deep|beyond 64 bits"):
+        load_scene(tmp_path / "a.toml")
+
+
+def test_names_too_long_for_a_file_are_missing_files(write_scene):
+    long = "n" * 300
+    material = f'material = {{ type = "diffuse", color = "{long}.png" }}'
+    text = f'[[synthetic]]\nname = "a"\nmesh = "{long}.ply"\n[[synthetic]]\nname = "b"\nshape = "cube"\n{material}\n'
+    with pytest.raises(InputError) as caught:
+        load_scene(write_scene(text))
+    assert str(caught.value).count("no such file") == 2
+    with pytest.raises(InputError, match=r"n\.toml: cannot be read \(File name too long\)"):
+        load_scene(f"{long}.toml")
+
+
+def test_long_values_are_shortened(write_scene):
+    with pytest.raises(InputError) as caught:
+        load_scene(write_scene(f"[render]\nsamples = '{'x' * 100000}'\n{'k' * 100000} = 1\n"))
+    assert len(str(caught.value)) < 1000
 
 
 def test_a_place_must_have_geometry(write_scene):

@@ -8,16 +8,25 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.capture.brackets import Bracket, brackets_in_folder, group_by_exposure
 from lightdepth.capture.exposure import Exposure, read_exposures
 from lightdepth.capture.fisheye import Circle, find_circle
 from lightdepth.capture.merging import Merged, Progress, merge, shared_response
-from lightdepth.capture.photograph import PHOTOGRAPHS, Codes, read_photograph
+from lightdepth.capture.photograph import (
+    PHOTOGRAPHS,
+    Codes,
+    WhiteBalance,
+    foreign_profile,
+    mirrored_back,
+    read_photograph,
+    shared_white_balance,
+)
 from lightdepth.capture.response import Response
 from lightdepth.capture.stitching import Orientation
 from lightdepth.errors import InputError
-from lightdepth.images.exr import read_exr
+from lightdepth.images.beauty import Beauty, read_beauty
 from lightdepth.images.radiance import READERS, read_radiance
 
 ROLLS = {3: 180.0, 6: 90.0, 8: -90.0}
@@ -121,6 +130,10 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
     for bracket in brackets:
         if len(bracket) < max(sizes):
             warnings.append(f"{bracket[0][0].name}: its bracket has {len(bracket)} of {max(sizes)} exposures")
+    white_balance = shared_white_balance([path for bracket in brackets for path, _ in bracket])
+    profile = foreign_profile(brackets[0][0][0])
+    if profile:
+        warnings.append(f"{brackets[0][0][0].name}: its colour profile '{profile}' is not applied; sRGB is assumed")
     response, source = options.response, "given"
     if response is None:
         response, source = shared_response(brackets, progress)
@@ -130,7 +143,7 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
     if circle == "auto":
         # One lens, one circle: the median of three brackets' is steadier than each one's own.
         chosen = [brackets[index] for index in sorted({0, len(brackets) // 2, len(brackets) - 1})]
-        circles = [find_circle(_from_bright_to_dark(bracket)) for bracket in chosen]
+        circles = [find_circle(_from_bright_to_dark(bracket, white_balance)) for bracket in chosen]
         circle = Circle(*np.median([(each.x, each.y, each.radius) for each in circles], axis=0).tolist())
     orientations = []
     for index, bracket in enumerate(brackets):
@@ -138,30 +151,33 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
         def tick(what: str, done: int, total: int, index: int = index) -> None:
             progress(what, index * total + done, len(brackets) * total)
 
-        merged = merge(bracket, response, circle, options.align, options.deghost, upright=False, progress=tick)
+        merged = merge(bracket, response, circle, options.align, options.deghost, False, tick, white_balance)
         orientations.append(_orientation(bracket, merged, options.circle is None))
     names = [[path.name for path, _ in bracket] for bracket in brackets]
     return Shoot(orientations, response, source, names, brackets[0][0][1], warnings)
 
 
-def _from_bright_to_dark(bracket: Bracket) -> Iterator[Codes]:
+def _from_bright_to_dark(bracket: Bracket, white_balance: WhiteBalance | None) -> Iterator[Codes]:
+    mirroring, _ = mirrored_back(bracket[0][1].orientation)
     for path, _ in sorted(bracket, key=lambda pair: -pair[1].amount):
-        yield read_photograph(path)
+        yield read_photograph(path, mirroring, white_balance)
 
 
 def _orientation(bracket: Bracket, merged: Merged, with_roll: bool) -> Orientation:
-    roll = ROLLS.get(bracket[0][1].orientation, 0.0) if with_roll else 0.0
+    roll = ROLLS.get(mirrored_back(bracket[0][1].orientation)[1], 0.0) if with_roll else 0.0
     return Orientation(bracket[0][0].name, merged.radiance, merged.seen, ~(merged.clipped | merged.black), roll)
 
 
 def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) -> Shoot:
-    orientations = []
+    orientations, warnings = [], []
     for index, path in enumerate(paths):
-        radiance = np.ascontiguousarray(np.nan_to_num(read_radiance(path), nan=0.0, posinf=0.0))
-        seen = np.ones(radiance.shape[:2], dtype=bool)
-        if path.suffix.lower() == ".exr":
-            alpha = read_exr(path)[0].channels.get("A")
-            seen = seen if alpha is None else alpha > 0.5
+        picture = read_beauty(path) if path.suffix.lower() == ".exr" else Beauty(read_radiance(path), None)
+        radiance = picture.radiance
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(radiance).all(axis=2))
+        if not finite.all():
+            warnings.append(f"{path.name}: {(~finite).sum()} pixels are not finite; they count as not photographed")
+            radiance = np.where(finite[..., None], radiance, np.float32(0.0))
+        seen = finite if picture.alpha is None else finite & (picture.alpha > 0.5)
         circle = options.circle
         if circle == "auto" and seen.all():
             circle = find_circle([_as_photograph(radiance)])
@@ -174,7 +190,7 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
             Orientation(path.name, radiance * seen[..., None], seen, np.asarray((radiance > 0.0).any(axis=2)))
         )
         progress("reading", index + 1, len(paths))
-    return Shoot(orientations, None, "HDR images", [[path.name] for path in paths])
+    return Shoot(orientations, None, "HDR images", [[path.name] for path in paths], None, warnings)
 
 
 def _as_photograph(radiance: np.ndarray) -> np.ndarray:

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from lightdepth.capture import hugin, seams
-from lightdepth.capture.filling import fill, mark
 from lightdepth.capture.lens import Lens
 from lightdepth.capture.panorama import Panorama, blend, natural_width
 from lightdepth.capture.photometry import Photograph, Photometry, estimate_photometry
 from lightdepth.capture.project import ControlPoint, read_project
 from lightdepth.capture.rig import Rig
 from lightdepth.errors import InputError, LightdepthError
+from lightdepth.images.filling import fill, mark
 
 MATCHING_SIDES = (800, 2000)
 """Control points are looked for in images of at least and at most this size, in pixels."""
@@ -28,7 +28,7 @@ DISTRUST = 0.01
 """Weight of pixels that are clipped or black in every exposure: they count where nothing else does."""
 
 STEPS = 8
-"""How often ``progress`` is called."""
+"""How many steps ``progress`` counts."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,8 @@ def stitch(
     Args:
         orientations: images of the same size from the same lens.
         options: how.
-        progress: called with a step's name, its number and the number of steps.
+        progress: called with a step's name, its number and the number of steps; while control points are searched,
+            with how many images and pairs have been looked at, and how many there are.
 
     Raises:
         InputError: the images are too few, differ in size, or cannot be connected.
@@ -134,13 +135,21 @@ def stitch(
         names, scale = _write_matching_images(orientations, folder)
         rolls = [orientation.roll for orientation in orientations]
         matched_file, optimised_file = hugin.find_poses(
-            names, folder, options.projection, options.fov, options.rig, rolls, options.circular, tick
+            names,
+            folder,
+            options.projection,
+            options.fov,
+            options.rig,
+            rolls,
+            options.circular,
+            tick,
+            lambda done, total: progress("control points", done, total),
         )
         matched = len(read_project(matched_file)[1])
         small_lenses, small_points = read_project(optimised_file)
         lenses = [_enlarged(lens, scale, first.radiance.shape) for lens in small_lenses]
         points = [_enlarged_point(point, scale) for point in small_points]
-        unconnected = _unconnected(len(orientations), points)
+        unconnected = _unconnected(len(orientations), points) if points else list(range(len(orientations)))
         if unconnected and options.rig is None:
             raise InputError(
                 f"{', '.join(orientations[index].name for index in unconnected)}: no control points with the other "
@@ -189,7 +198,7 @@ def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[n
     if not seen.all():
         seen = cv2.erode(seen.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     if not (seen & (small > 0.0)).any():
-        raise InputError(f"{orientation.name}: is black all over")
+        return np.full(small.shape, 128, dtype=np.uint8)  # Black all over: there is nothing to match.
     logarithm = np.log(np.maximum(small, small[seen & (small > 0.0)].min()))
     low, high = np.percentile(logarithm[seen], [0.5, 99.7])
     grey = np.clip(255.0 * (logarithm - low) / max(high - low, 1e-3), 0.0, 255.0).astype(np.uint8)

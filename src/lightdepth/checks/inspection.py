@@ -7,6 +7,7 @@ from pathlib import Path
 
 from lightdepth.checks.capture_point import capture_point_problems
 from lightdepth.checks.coverage import Coverage, hole_problems, measure_coverage
+from lightdepth.checks.gloss import gloss_problems
 from lightdepth.checks.lights import light_problems
 from lightdepth.checks.objects import object_problems
 from lightdepth.checks.problem import Problem, Severity
@@ -75,7 +76,7 @@ def inspect_scene(scene: Scene) -> Inspection:
 
 def _inspect(scene: Scene, unread: int = 0) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
-    problems = radiance_problems(scene.panorama)
+    problems = [Problem(Severity.WARNING, message) for message in scene.notes] + radiance_problems(scene.panorama)
     if not scene.real and scene.panorama.depth is None:
         return Inspection(tuple(problems), None)
     view = look_around(scene)
@@ -88,6 +89,7 @@ def _inspect(scene: Scene, unread: int = 0) -> Inspection:
         problems += hole_problems(coverage, unread)
         problems += [problem for surface in scene.real for problem in support_problems(surface, view)]
         problems += light_problems(scene, view)
+        problems += gloss_problems(scene)
         problems += object_problems(scene.synthetic, view) if scene.real else []
     order = list(Severity)
     return Inspection(tuple(sorted(problems, key=lambda problem: order.index(problem.severity))), coverage)

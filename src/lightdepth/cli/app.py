@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import logging
 import sys
+import warnings
 from importlib import metadata
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
@@ -14,10 +16,14 @@ from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
+from lightdepth.cli.merge import merge
+from lightdepth.cli.preview import preview
 from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.recover import app as recover
 from lightdepth.cli.render import render
-from lightdepth.errors import LightdepthError
+from lightdepth.cli.serve import serve
+from lightdepth.cli.where import where
+from lightdepth.errors import InputWarning, LightdepthError
 
 app = typer.Typer(
     name="lightdepth",
@@ -31,7 +37,16 @@ app = typer.Typer(
 @app.callback()
 def _options(
     version: Annotated[bool, typer.Option("--version", is_eager=True, help="Print the version and exit.")] = False,
+    log_level: Annotated[
+        Literal["debug", "info", "warning", "error"] | None,
+        typer.Option(help="Log what is done to standard error; nothing by default."),
+    ] = None,
 ) -> None:
+    if log_level is not None:
+        logger, handler = logging.getLogger("lightdepth"), logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s %(message)s"))
+        logger.addHandler(handler)
+        logger.setLevel(log_level.upper())
     if version:
         typer.echo(metadata.version("lightdepth"))
         raise typer.Exit
@@ -39,22 +54,41 @@ def _options(
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
 app.add_typer(capture.app, name="capture")
+app.command()(preview)
 app.command()(calibrate)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)
+app.command(context_settings={"ignore_unknown_options": True})(where)  # Points may begin with a minus.
 app.command()(check)
 app.command()(render)
+app.command()(merge)
+app.command()(serve)
 app.command()(doctor)
 
 
 def main() -> None:
     """Run the command line; a known problem ends in one message and its exit status, without a traceback."""
+    shown_by_python = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        if issubclass(category, InputWarning):
+            _console().print(f"[yellow]warning:[/] {_plain(str(message))}")
+        else:
+            shown_by_python(message, category, *place, **more)
+
+    warnings.showwarning = show
     try:
         app()
     except LightdepthError as error:
-        Console(stderr=True, soft_wrap=True, highlight=False).print(f"[bold red]error:[/] {_plain(str(error))}")
+        _console().print(f"[bold red]error:[/] {_plain(str(error))}")
         sys.exit(error.exit_status)
+    finally:
+        warnings.showwarning = shown_by_python
+
+
+def _console() -> Console:
+    return Console(stderr=True, soft_wrap=True, highlight=False)
 
 
 def _plain(message: str) -> str:

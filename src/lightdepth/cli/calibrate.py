@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def calibrate(
-    panorama: Annotated[Path, typer.Argument(help="The panorama: .exr or .hdr, 360 x 180 degrees.")],
+    panorama: Annotated[Path, typer.Argument(help="The panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
     rectangle: Annotated[
         str | None,
         typer.Option(
@@ -113,8 +113,8 @@ def calibrate(
     from lightdepth.calibration.solve import Cues
     from lightdepth.calibration.solve import calibrate as solve
     from lightdepth.errors import InputError
+    from lightdepth.images.panorama_file import read_panorama
     from lightdepth.images.png import write_png
-    from lightdepth.images.radiance import read_radiance
     from lightdepth.images.validation import validate_panorama
     from lightdepth.images.writing import check_writable
 
@@ -129,7 +129,8 @@ def calibrate(
             raise InputError(f"--picture {picture}: the check picture is a .png file")
         check_writable(picture)
 
-    radiance = validate_panorama(read_radiance(panorama), panorama, repair=True)
+    image = read_panorama(panorama)
+    radiance = validate_panorama(image.radiance, panorama, repair=True)
     size = None if angles else (radiance.shape[0], radiance.shape[1])
     corners = read_clicks(rectangle, size, "--rectangle", 4) if rectangle is not None else None
     verticals = [read_clicks(text, size, "--vertical", 2) for text in vertical or []]
@@ -155,11 +156,11 @@ def calibrate(
         origin,
     )
     report = _report(result)
-    report["warnings"] += unmoved
+    report["warnings"] += unmoved + list(image.notes)
     if write is not None:
-        image = write_pose(write, report["rotation"], report["position"])
-        if image.resolve() != panorama.resolve():
-            report["warnings"].append(f"{write}: its panorama is {image}, not {panorama}")
+        named = write_pose(write, report["rotation"], report["position"])
+        if named.resolve() != panorama.resolve():
+            report["warnings"].append(f"{write}: its panorama is {named}, not {panorama}")
     if picture is not None:
         clicks = [points.reshape(-1, 3) for points in (corners, *verticals, toward) if points is not None]
         write_png(picture, draw_check_picture(radiance, result, room, clicks))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -48,7 +48,7 @@ Rotation = Annotated[
 ]
 Panorama = Annotated[
     Path | None,
-    typer.Option("--panorama", help="The panorama (.exr, .hdr), or the scene file (.toml) that gives it and its pose."),
+    typer.Option("--panorama", help="The panorama, or the scene file (.toml) that gives it and its pose."),
 ]
 FloorTolerance = Annotated[
     float, typer.Option(min=0.001, help="Farthest that a floor point lies from its plane, metres.")
@@ -58,9 +58,7 @@ NoFloor = Annotated[bool, typer.Option("--no-floor", help="Look for no floor; ev
 
 @app.command()
 def layout(
-    source: Annotated[
-        Path, typer.Argument(metavar="PANORAMA|SCENE", help="Panorama (.exr, .hdr) or scene file (.toml).")
-    ],
+    source: Annotated[Path, typer.Argument(metavar="PANORAMA|SCENE", help="Panorama or scene file (.toml).")],
     output: Output,
     floor: Annotated[
         str | None, typer.Option("--floor", metavar='"X,Y X,Y ..."', help="The floor's corners, in order around it.")
@@ -139,15 +137,18 @@ def layout(
 
 @app.command()
 def from_depth(
-    depth: Annotated[
-        Path, typer.Argument(help="Equirectangular distances: .exr (channel Z, Y or R), 16-bit .png, .npy.")
-    ],
+    depth: Annotated[Path, typer.Argument(help="Equirectangular distances: .exr (channel Z), 16-bit .png, .npy.")],
     output: Output,
     panorama: Panorama = None,
     scale: Annotated[
-        float | None, typer.Option(min=1e-9, help="Metres per unit of the file; a PNG must have it.")
+        float | None, typer.Option(min=1e-9, help="Metres per unit of the file; whole numbers must have it.")
+    ] = None,
+    kind: Annotated[
+        Literal["ray", "z", "disparity"] | None,
+        typer.Option(help="Distances along the ray (the default), along the viewing axis, or reciprocal ones."),
     ] = None,
     sky: Annotated[bool, typer.Option("--sky", help="What was not measured is sky, not a hole.")] = False,
+    sky_beyond: Annotated[float | None, typer.Option(min=0.0, help="Distances from here on are sky, metres.")] = None,
     max_width: Annotated[int, typer.Option(min=64, max=4096, help="Wider images are reduced to this.")] = 1024,
     floor_tolerance: FloorTolerance = 0.03,
     no_floor: NoFloor = False,
@@ -171,7 +172,7 @@ def from_depth(
     from lightdepth.reconstruction.result import closed
 
     place = read_place(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
-    image = read_depth_image(depth, scale, sky)
+    image = read_depth_image(depth, scale, sky, kind, sky_beyond)
     with _progress() as progress:
         task = progress.add_task("Meshing the depth", total=1.0)
         measured = surfaces_from_depth(
@@ -335,6 +336,8 @@ def _finish(
     from lightdepth.reconstruction.result import save
 
     save(result, place, folder, scene, picture)
+    for note in place.notes:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(f"warning: {note}", style="yellow", markup=False)
     report = result.as_dict(folder)
     if as_json:
         typer.echo(json.dumps(report, indent=2))

@@ -7,41 +7,38 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.cameras import Viewpoint
+from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.kernel.row_bands import Band, bands
-from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.preparation import Prepared
-from lightdepth.scene.model import CameraView
 
 SUBPIXELS = 2
 """Points along each side of a pixel over which normal and albedo are averaged."""
 
 
 def render_auxiliary(
-    view: CameraView, prepared: Prepared
+    view: Viewpoint, prepared: Prepared
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32], NDArray[np.float16], NDArray[np.float16]]:
     """Object ids (h, w) and depth (h, w) at pixel centres, mean normal and albedo (h, w, 3) of each pixel.
 
     The albedo of real surfaces is the photograph held to 1, which is what guides a denoiser best; that of mirrors and
     glass is 1.
     """
-    width, height = view.camera.resolution
+    width, height = view.resolution
     object_id = np.empty((height, width), np.uint32)
     depth = np.empty((height, width), np.float32)
     # As the file has them, of half precision and normals plane by plane: of a large image, this counts.
     normal = np.moveaxis(np.empty((3, height, width), np.float16), 0, -1)
     albedo = np.empty((height, width, 3), np.float16)
-    origin, rotation = as_point(view.position), as_matrix(view.rotation)
     for band in bands(width, height):
 
-        def rays(offset: mi.Point2f, band: Band = band) -> tuple[mi.Ray3f, mi.Bool]:
-            film = mi.Point2f((band.column + offset.x) / width, (band.row + offset.y) / height)
-            start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
-            return mi.Ray3f(origin + rotation @ start, rotation @ direction), inside
+        def rays(offset: mi.Point2f, band: Band = band) -> CameraRays:
+            return view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
 
-        ray, inside = rays(mi.Point2f(0.5))
-        found = prepared.surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
-        ids = _object_ids(prepared, found, inside)
-        distance = dr.select(inside & found.is_valid(), found.t, dr.inf)
+        seen = rays(mi.Point2f(0.5))
+        found = prepared.surfaces.all.ray_intersect_preliminary(seen.ray, coherent=True, active=seen.inside)
+        ids = _object_ids(prepared, found, seen.inside)
+        distance = dr.select(seen.inside & found.is_valid(), found.t, dr.inf)
         dr.eval(ids, distance)  # At once: one by one would trace all rays again.
         object_id[band.rows] = ids.numpy().reshape(band.shape)
         depth[band.rows] = distance.numpy().reshape(band.shape)
@@ -52,7 +49,7 @@ def render_auxiliary(
                 # Point by point, so that one small kernel serves all of them.
                 offset = mi.Point2f((i + 0.5) / SUBPIXELS, (j + 0.5) / SUBPIXELS)
                 dr.make_opaque(offset)
-                one_normal, one_albedo = _surface(prepared, *rays(offset))
+                one_normal, one_albedo = _surface(prepared, rays(offset))
                 mean_normal += one_normal
                 mean_albedo += one_albedo
                 dr.eval(mean_normal, mean_albedo)
@@ -70,8 +67,8 @@ def _object_ids(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside:
     return result
 
 
-def _surface(prepared: Prepared, ray: mi.Ray3f, inside: mi.Bool) -> tuple[mi.Vector3f, mi.Color3f]:
-    surfaces, place = prepared.surfaces, prepared.place
+def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Color3f]:
+    surfaces, place, ray, inside = prepared.surfaces, prepared.place, seen.ray, seen.inside
     found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
     on_real = inside & surfaces.is_real(found)
     on_synthetic = inside & found.is_valid() & ~on_real
@@ -81,5 +78,5 @@ def _surface(prepared: Prepared, ray: mi.Ray3f, inside: mi.Bool) -> tuple[mi.Vec
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, si.sh_frame.n, hit.normal & on_real)
-    seen = dr.minimum(place.photograph.sharp(hit, ray.d), 1.0) & inside
-    return normal, dr.select(on_synthetic, diffuse, seen)
+    photographed = dr.minimum(place.photograph.sharp(hit, ray.d), 1.0) & inside
+    return normal, dr.select(on_synthetic, diffuse, photographed)

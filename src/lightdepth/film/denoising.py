@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from lightdepth.cameras.topology import Rectangle, Window
 from lightdepth.film.frame import Frame
 from lightdepth.images.tonemapping import MIDDLE_GREY
 from lightdepth.packages import optional_package
@@ -21,7 +22,7 @@ DARK = 0.02
 """Share of the photograph's median that is added where the change is divided by the photograph."""
 
 
-def denoise(frame: Frame, panoramic: bool) -> Frame:
+def denoise(frame: Frame) -> Frame:
     """Denoise a frame's change and synthetic radiance; its photograph and every other layer stay as they are.
 
     The change is denoised as a share of the photograph, in which the photograph's texture cancels: on a diffuse surface
@@ -32,8 +33,6 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
 
     Args:
         frame: as rendered; albedo and normals, which have no noise, guide the filter where the frame has them.
-        panoramic: the image is a full panorama: it goes on around its left and right edge, and over the poles on the
-            other side.
 
     Returns:
         A new frame, which shares the other layers; its metadata says that it was denoised.
@@ -42,38 +41,63 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
         SetupError: the package ``mitsuba-oidn`` is not installed.
     """
     oidn = optional_package("mitsuba_oidn", "denoise")
-    height, width = frame.coverage.shape
     change, synthetic = np.zeros_like(frame.change), np.zeros_like(frame.synthetic)
     floor = np.float32(DARK * np.median(frame.plate[::4, ::4]) + 1e-12)
     change_scale = _input_scale(frame.change, frame.plate, floor)
     synthetic_scale = _input_scale(frame.synthetic, None, floor)
-    rows = max(MARGIN, PIXELS_AT_ONCE // width)
-    for top in range(0, height, rows):  # Band by band, which bounds the memory and skips what is untouched.
-        band = slice(top, min(top + rows, height))
-        window = _Window(band.start, band.stop, height, width, panoramic)
-        guides = {"albedo": frame.albedo, "normal": frame.normal}
-        cut = {
-            name: window.cut(guide).astype(np.float32, order="C") for name, guide in guides.items() if guide is not None
-        }
-        filtered = _Filter(oidn, cut)
-        if frame.synthetic[band].any():
-            covered = window.cut(frame.coverage)[:, :, None]
-            noisy = _extended(window.cut(frame.synthetic), covered)
-            clean = window.inner(filtered(noisy, synthetic_scale) * covered)
-            synthetic[band] = np.where(_touched(frame.synthetic[band]), clean, 0.0)
-        if frame.change[band].any():
-            if "albedo" in filtered.guides:  # Without the photograph's texture there is none for it to explain.
-                filtered.guides["albedo"][window.cut(frame.coverage) == 0.0] = 1.0
-            uncovered = np.float32(1.0) - window.cut(frame.coverage)[:, :, None]
-            relative = _extended(window.cut(frame.change), uncovered) / (window.cut(frame.plate) + floor)
-            added = window.inner(filtered(np.maximum(relative, 0.0), change_scale))
-            taken = window.inner(filtered(np.maximum(-relative, 0.0), change_scale))
-            clean = (added - taken) * (frame.plate[band] + floor)
-            # At narrow contact shadows the filter overshoots; no more can be taken away than was there.
-            clean = np.maximum(clean, np.minimum(-frame.plate[band], 0.0)) * window.inner(uncovered)
-            change[band] = np.where(_touched(frame.change[band]), clean, 0.0)
+    for chart in frame.topology.charts:
+        rows = max(MARGIN, PIXELS_AT_ONCE // chart.width)
+        for top in range(
+            chart.top, chart.bottom, rows
+        ):  # Band by band, which bounds the memory and skips what is untouched.
+            band = Rectangle(top, min(top + rows, chart.bottom), chart.left, chart.right)
+            window = frame.topology.window(chart, band, MARGIN)
+            _denoise_window(oidn, frame, window, floor, (change_scale, synthetic_scale), change, synthetic)
     facts = {**frame.metadata, "denoised": "change, synthetic"}
     return replace(frame, change=change, synthetic=synthetic, metadata=facts)
+
+
+def _denoise_window(
+    oidn: ModuleType,
+    frame: Frame,
+    window: Window,
+    floor: np.float32,
+    scales: tuple[float, float],
+    change: NDArray[np.float32],
+    synthetic: NDArray[np.float32],
+) -> None:
+    """Denoise the change and the synthetic radiance of a window's rectangle.
+
+    Args:
+        oidn: the denoiser.
+        frame: as rendered.
+        window: its rectangle is denoised, with what is around it.
+        floor: radiance that is added to the photograph.
+        scales: input scales of the change and the synthetic radiance.
+        change: where the result goes, shape (height, width, 3).
+        synthetic: likewise.
+    """
+    here, inner = window.rectangle.slices, window.inner
+    change_scale, synthetic_scale = scales
+    guides = {"albedo": frame.albedo, "normal": frame.normal}
+    cut = {name: window.cut(guide).astype(np.float32, order="C") for name, guide in guides.items() if guide is not None}
+    filtered = _Filter(oidn, cut)
+    if frame.synthetic[here].any():
+        covered = window.cut(frame.coverage)[:, :, None]
+        noisy = _extended(window.cut(frame.synthetic), covered)
+        clean = (filtered(noisy, synthetic_scale) * covered)[inner]
+        synthetic[here] = np.where(_touched(frame.synthetic[here]), clean, 0.0)
+    if frame.change[here].any():
+        if "albedo" in filtered.guides:  # Without the photograph's texture there is none for it to explain.
+            filtered.guides["albedo"][window.cut(frame.coverage) == 0.0] = 1.0
+        uncovered = np.float32(1.0) - window.cut(frame.coverage)[:, :, None]
+        relative = _extended(window.cut(frame.change), uncovered) / (window.cut(frame.plate) + floor)
+        added = filtered(np.maximum(relative, 0.0), change_scale)[inner]
+        taken = filtered(np.maximum(-relative, 0.0), change_scale)[inner]
+        clean = (added - taken) * (frame.plate[here] + floor)
+        # At narrow contact shadows the filter overshoots; no more can be taken away than was there.
+        clean = np.maximum(clean, np.minimum(-frame.plate[here], 0.0)) * uncovered[inner]
+        change[here] = np.where(_touched(frame.change[here]), clean, 0.0)
 
 
 def _extended(layer: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -124,36 +148,3 @@ class _Filter:
         oidn = self.oidn
         result = oidn.denoise(noisy, **self.guides, hdr=True, clean_aux=bool(self.guides), input_scale=scale)
         return np.asarray(result)
-
-
-@dataclass(frozen=True)
-class _Window:
-    """A band of an image's rows, with what lies around it."""
-
-    top: int
-    bottom: int
-    height: int
-    width: int
-    panoramic: bool
-
-    def cut(self, image: NDArray) -> NDArray:
-        """The band with its margin; of a panorama it goes on around the edge and over the poles."""
-        if not self.panoramic:
-            return np.ascontiguousarray(image[self._first : self.bottom + MARGIN])
-        rows = np.arange(self.top - MARGIN, self.bottom + MARGIN)
-        columns = np.arange(-MARGIN, self.width + MARGIN)
-        over_pole = (rows < 0) | (rows >= self.height)
-        rows = np.where(rows < 0, -1 - rows, np.where(rows >= self.height, 2 * self.height - 1 - rows, rows))
-        across = np.where(over_pole, self.width // 2, 0)
-        return image[rows[:, None] % self.height, (columns + across[:, None]) % self.width]
-
-    def inner(self, cut: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The band alone, of what :meth:`cut` gave."""
-        if not self.panoramic:
-            return cut[self.top - self._first :][: self.bottom - self.top]
-        return cut[MARGIN:-MARGIN, MARGIN:-MARGIN]
-
-    @property
-    def _first(self) -> int:
-        """First row of an ordinary image's band with its margin."""
-        return max(self.top - MARGIN, 0)

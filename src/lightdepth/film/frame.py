@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.cameras.topology import Flat, Topology
+
 
 @dataclass
 class Frame:
@@ -26,6 +28,7 @@ class Frame:
         samples: number of samples spent, shape (height, width), uint32.
         metadata: facts for the file's header, by name.
         object_names: names of the objects, those of ``object_id`` 1, 2, ... in order.
+        topology: how the pixels lie beside each other; by default, a picture that ends at its edges.
     """
 
     plate: NDArray[np.float32]
@@ -41,6 +44,12 @@ class Frame:
     samples: NDArray[np.uint32] | None = None
     metadata: dict[str, str] = field(default_factory=dict)
     object_names: tuple[str, ...] = ()
+    topology: Topology = None  # type: ignore[assignment]  # filled in below
+
+    def __post_init__(self) -> None:
+        if self.topology is None:
+            height, width = self.coverage.shape
+            self.topology = Flat(width, height)
 
     @property
     def beauty(self) -> NDArray[np.float32]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import OpenEXR
 
+from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.errors import InputError
 from lightdepth.film.frame import Frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
@@ -36,17 +37,18 @@ ROWS_AT_ONCE = 128
 REQUIRED = ("plate", "change", "synthetic", "coverage")
 _OBJECT_NAMES = "lightdepth:objects"
 _METADATA = "lightdepth:"
+_ENVIRONMENT_MAPS = {"latlong": OpenEXR.ENVMAP_LATLONG}
 
 
-def write_frame(path: Path, frame: Frame, latlong: bool = False, layers: Collection[str] | None = None) -> None:
+def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None) -> None:
     """Write a frame as OpenEXR: the finished image as ``R G B A`` first, then each layer as a part with its name.
 
-    ``A`` is 1 inside the camera's image; the part ``alpha`` holds the new objects' coverage.
+    ``A`` is 1 inside the camera's image; the part ``alpha`` holds the new objects' coverage. The parts of a full
+    panorama are marked ``envmap = latlong``.
 
     Args:
         path: where to write; the file appears whole or not at all.
         frame: what to write.
-        latlong: the image is a full panorama; its parts are then marked ``envmap = latlong``.
         layers: names out of ``LAYERS`` to write beside the finished image; ``None`` means all that the frame has.
 
     Raises:
@@ -55,7 +57,8 @@ def write_frame(path: Path, frame: Frame, latlong: bool = False, layers: Collect
     unknown = sorted(set(layers or ()) - set(LAYERS))
     if unknown:
         raise InputError(f"layer '{unknown[0]}' is unknown; allowed are {', '.join(LAYERS)}")
-    marks: dict[str, Any] = {"envmap": OpenEXR.ENVMAP_LATLONG} if latlong else {}
+    layout = frame.topology.environment_map
+    marks: dict[str, Any] = {} if layout is None else {"envmap": _ENVIRONMENT_MAPS[layout]}
     header = {**marks, **{_METADATA + name: value for name, value in frame.metadata.items()}}
     parts = [ExrPart({"RGB": frame.beauty, "A": frame.alpha}, "beauty", header)]
     for layer, (channels, dtype) in LAYERS.items():
@@ -102,16 +105,19 @@ def read_frame(path: Path) -> Frame:
         full = np.uint32 if dtype is np.uint32 else np.float32
         layers[layer] = (planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)).astype(full, copy=False)
     beauty = parts["beauty"]
+    height, width = beauty.channels["A"].shape
+    panorama = beauty.header.get("envmap") == OpenEXR.ENVMAP_LATLONG
     ids = parts.get("object_id")
     return Frame(
         **layers,
         alpha=beauty.channels["A"],
         metadata={k.removeprefix(_METADATA): v for k, v in beauty.header.items() if k.startswith(_METADATA)},
         object_names=tuple(ids.header.get(_OBJECT_NAMES, ())) if ids else (),
+        topology=Spherical((Rectangle(0, height, 0, width),)) if panorama else Flat(width, height),
     )
 
 
-def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx") -> None:
+def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx-like") -> None:
     """Write a frame's finished image as PNG for the screen, transparent outside the camera's image.
 
     Args:

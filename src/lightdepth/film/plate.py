@@ -7,28 +7,17 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras import Equirectangular
+from lightdepth.cameras import Viewpoint
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
-from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.place.place import Place
-from lightdepth.scene.model import CameraView, Panorama
+from lightdepth.scene.model import Panorama
 
 MOST_SUBPIXELS = 8
 
 
-def is_capture_camera(view: CameraView, panorama: Panorama) -> bool:
-    """Whether a camera's pixels are those of the panorama."""
-    return (
-        isinstance(view.camera, Equirectangular)
-        and view.camera.resolution == panorama.radiance.shape[1::-1]
-        and np.allclose(view.position, panorama.position, rtol=0.0, atol=1e-9)
-        and np.allclose(view.rotation, panorama.rotation, rtol=0.0, atol=1e-9)
-    )
-
-
 def render_plate(
-    view: CameraView, panorama: Panorama, place: Place, draft: bool = False
+    view: Viewpoint, panorama: Panorama, place: Place, draft: bool = False
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Resample the photograph for a camera.
 
@@ -43,13 +32,12 @@ def render_plate(
         camera's image, and the share of each pixel inside it. A camera whose pixels are the panorama's gets these,
         bit for bit; any other one the mean over a grid of points in each pixel, fine enough for the panorama's detail.
     """
-    width, height = view.camera.resolution
-    if is_capture_camera(view, panorama):
+    width, height = view.resolution
+    if view.same_pixels(panorama.viewpoint):
         return panorama.radiance, np.ones((height, width), np.float32)
     subpixels = 1 if draft else _subpixels(view, place)
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
-    origin, rotation = as_point(view.position), as_matrix(view.rotation)
     for band in bands(width, height):
         total, share = dr.zeros(mi.Color3f, dr.width(band.row)), dr.zeros(mi.Float, dr.width(band.row))
         dr.make_opaque(total, share)  # Literal zeros would need a kernel of their own.
@@ -58,12 +46,10 @@ def render_plate(
                 # Point by point, so that one small kernel serves all of them.
                 offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
                 dr.make_opaque(offset)
-                film = mi.Point2f((band.column + offset.x) / width, (band.row + offset.y) / height)
-                start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
-                ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
-                hit = place.surfaces.first_real(ray, inside)
-                total += place.photograph.sharp(hit, ray.d) & inside
-                share += dr.select(inside, 1.0, 0.0)
+                seen = view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
+                hit = place.surfaces.first_real(seen.ray, seen.inside)
+                total += place.photograph.sharp(hit, seen.ray.d) & seen.inside
+                share += dr.select(seen.inside, 1.0, 0.0)
                 dr.eval(total, share)
         scale = 1.0 / subpixels**2
         plate[band.rows] = (total * scale).numpy().T.reshape(*band.shape, 3)
@@ -71,12 +57,12 @@ def render_plate(
     return plate, alpha
 
 
-def _subpixels(view: CameraView, place: Place) -> int:
+def _subpixels(view: Viewpoint, place: Place) -> int:
     """Points along each side of a pixel, so that they lie at most one pixel of the panorama apart."""
-    _, height = view.camera.resolution
+    _, height = view.resolution
     x = mi.Float(aligned(np.linspace(0.1, 0.9, 9).repeat(9)))
     y = mi.Float(aligned(np.tile(np.linspace(0.1, 0.9, 9), 9)))
-    _, direction, _ = view.camera.camera_rays(mi.Point2f(x, y), mi.Point2f(0.5))
-    _, beside, _ = view.camera.camera_rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
-    angle = float(np.max(dr.norm(direction - beside).numpy()))
+    seen = view.rays(mi.Point2f(x, y), mi.Point2f(0.5))
+    beside = view.rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
+    angle = float(np.max(dr.norm(seen.ray.d - beside.ray.d).numpy()))
     return int(np.clip(np.ceil(angle * place.photograph.map.height / np.pi), 2, MOST_SUBPIXELS))

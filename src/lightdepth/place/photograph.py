@@ -13,12 +13,13 @@ from copy import copy
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned_empty
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.place.light_list import LightSample
-from lightdepth.place.map_distribution import MapDistribution, latlong_to_direction
+from lightdepth.place.map_distribution import MapDistribution, direction_to_latlong, latlong_to_direction
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
@@ -52,11 +53,24 @@ class Photograph(RealLight):
         self._capture = as_point(panorama.position)
         self._pixel_angle = math.pi / self.map.height
         self._depth = self._depth_map()
+        self._mirrored: mi.Texture2f | None = None
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Photograph:
         """The same photograph, with other meshes of the same surfaces, refined ones for instance."""
         photograph = copy(self)
         photograph.surfaces = surfaces
+        return photograph
+
+    def with_mirrored(self, image: NDArray[np.float32]) -> Photograph:
+        """The same photograph, of which it is known what specular lobes mirror.
+
+        Args:
+            image: ``S``, radiance that the lobes of real surfaces send to the capture point, shape (h, 2 h, 3), in the
+                layout of the panorama.
+        """
+        photograph = copy(self)
+        wrapped = np.concatenate([image[:, -1:], image, image[:, :1]], axis=1)
+        photograph._mirrored = mi.Texture2f(mi.TensorXf(np.ascontiguousarray(wrapped)), wrap_mode=dr.WrapMode.Clamp)
         return photograph
 
     # -- What is seen -------------------------------------------------------------------------------------------
@@ -111,6 +125,21 @@ class Photograph(RealLight):
         """M at points of real surfaces seen from their front, at their rest positions (paper, section 5.8)."""
         _, hidden, radiance = self.sight(mi.Vector3f(self.surfaces.rest_point(hit, active)), hit.normal)
         return self._unless_hidden(radiance, hit, active & hidden)
+
+    def mirrored(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
+        """``S`` at points of real surfaces: what of their radiance specular lobes mirror, 0 where nothing is known."""
+        if self._mirrored is None:
+            return mi.Color3f(0.0)
+        offset = mi.Vector3f(self.surfaces.rest_point(hit, active) - self._capture)
+        u, v = direction_to_latlong(self._to_light @ (offset * dr.rcp(dr.maximum(dr.norm(offset), 1e-20))))
+        width = self._mirrored.shape[1]
+        red, green, blue = self._mirrored.eval(mi.Point2f((u * (width - 2) + 1.0) / width, v), active)
+        return mi.Color3f(red, green, blue)
+
+    def look(self, u: mi.Float, v: mi.Float) -> RealHit:
+        """The real surfaces that the capture point sees at panorama coordinates in [0, 1]."""
+        direction = self._to_world @ latlong_to_direction(u, v)
+        return self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True))
 
     def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
         """Which real points the capture point sees, which it certainly does not, and what the photograph shows there.

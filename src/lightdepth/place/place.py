@@ -76,6 +76,12 @@ class Place:
         place.photograph = self.photograph.with_surfaces(surfaces)
         return place
 
+    def with_mirrored(self, image: NDArray[np.float32]) -> Place:
+        """The same place with what its glossy surfaces mirror: see :meth:`Photograph.with_mirrored`."""
+        place = copy(self)
+        place.photograph = self.photograph.with_mirrored(image)
+        return place
+
     # -- Sampling its light -------------------------------------------------------------------------------------
 
     def presample_lights(self, generator: np.random.Generator, count: int) -> LightList:

@@ -40,7 +40,6 @@ class RealSurfaces:
         first_node: where the nodes of each face begin, shape (m,), uint32; several faces may share theirs. They come in
             rows along the edge from the first to the second vertex, the rows one after the other toward the third.
         irradiance: E at each node, linear RGB, shape (k, 3), float32; zero where it was not recovered.
-        mirrored: radiance that a glossy node's specular lobe sent to the capture point, shape (k, 3), float32.
         unseen_albedo: what the part of each face reflects that the capture point does not see, linear RGB, shape (m, 3),
             float32; zero where nothing is known of it.
     """
@@ -54,7 +53,6 @@ class RealSurfaces:
     divisions: NDArray[np.uint32]
     first_node: NDArray[np.uint32]
     irradiance: NDArray[np.float32]
-    mirrored: NDArray[np.float32]
     unseen_albedo: NDArray[np.float32]
 
     @property
@@ -97,7 +95,7 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
         empty = np.zeros((0, 3), np.float32)
         no_faces = np.zeros(0, np.uint32)
         return RealSurfaces(
-            empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, no_faces, no_faces, empty, empty, empty
+            empty, np.zeros((0, 3), np.int32), no_faces, no_faces, (), empty, no_faces, no_faces, empty, empty
         )
     merged = np.concatenate(vertices).astype(np.float32)
     kind_of_faces = np.concatenate(kinds)
@@ -111,7 +109,6 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
         np.concatenate(rests).astype(np.float32),
         np.ones_like(kind_of_faces),
         np.zeros_like(kind_of_faces),
-        no_values,
         no_values,
         np.zeros((len(kind_of_faces), 3), np.float32),
     )

@@ -30,15 +30,17 @@ class SpecularLobes:
         self.any = len(glosses) > 0
         self._alpha = mi.Float([1.0, *(max(gloss.roughness**2, SMALLEST_ALPHA) for gloss in glosses)])
         self._reflectance = mi.Float([0.0, *(0.08 * gloss.specular for gloss in glosses)])
+        self._scale = mi.Float([0.0, *(gloss.scale for gloss in glosses)])
 
     def distribution(self, number: mi.UInt32) -> mi.MicrofacetDistribution:
         """Distribution of the visible normals of lobe ``number``."""
         return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, dr.gather(mi.Float, self._alpha, number), True)
 
     def fresnel(self, number: mi.UInt32, cosine: mi.Float) -> mi.Float:
-        """Schlick's Fresnel reflectance at the cosine to the half vector."""
+        """Schlick's Fresnel reflectance at the cosine to the half vector, times the scale of the lobe."""
         normal_incidence = dr.gather(mi.Float, self._reflectance, number)
-        return dr.lerp(normal_incidence, 1.0, dr.power(dr.clip(1.0 - cosine, 0.0, 1.0), 5.0)) & (number > 0)
+        scale = dr.gather(mi.Float, self._scale, number)
+        return scale * dr.lerp(normal_incidence, 1.0, dr.power(dr.clip(1.0 - cosine, 0.0, 1.0), 5.0))
 
 
 class SupportScattering:

@@ -108,7 +108,8 @@ class TracedSurfaces:
         self._facts = mi.UInt32(aligned(facts, np.uint32))
         self._normals = mi.Float(_padded(face_normals(surfaces.vertices, surfaces.faces)))
         self._irradiance = mi.Float(_padded(surfaces.irradiance))
-        self._mirrored = mi.Float(_padded(surfaces.mirrored)) if surfaces.glosses else None
+        albedos = [(0.0, 0.0, 0.0), *(gloss.albedo for gloss in surfaces.glosses)]
+        self._typical_albedo = mi.Float(_padded(np.array(albedos))) if surfaces.glosses else None
         self._rest = mi.Float(_padded(surfaces.rest[surfaces.faces].reshape(-1, 3))) if self.deformed else None
         self.knows_unseen = bool(surfaces.unseen_albedo.any())
         self._unseen_albedo = mi.Float(_padded(surfaces.unseen_albedo)) if self.knows_unseen else None
@@ -145,11 +146,11 @@ class TracedSurfaces:
         value = self._interpolate(self._irradiance, hit, active)
         return mi.Color3f(value.x, value.y, value.z)
 
-    def mirrored(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
-        """Radiance that the specular lobe of glossy support sent to the capture point, interpolated likewise."""
-        if self._mirrored is None:
+    def typical_albedo(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
+        """Typical diffuse albedo of the glossy surfaces that were met, 0 for others."""
+        if self._typical_albedo is None:
             return mi.Color3f(0.0)
-        value = self._interpolate(self._mirrored, hit, active)
+        value = dr.gather(mi.Vector4f, self._typical_albedo, hit.gloss, active)
         return mi.Color3f(value.x, value.y, value.z)
 
     def unseen_radiance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Bool]:

@@ -11,6 +11,7 @@ import trimesh
 from tomlkit.items import AoT
 
 from lightdepth.errors import InputError
+from lightdepth.files import exists
 from lightdepth.images.writing import whole_file
 from lightdepth.reconstruction.place import Place
 from lightdepth.scene.model import RealSurface, Role
@@ -54,7 +55,7 @@ def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], fo
     Raises:
         InputError: the file is not a readable TOML file or its ``real`` is no array of tables.
     """
-    document = read_document(scene) if scene.exists() else _new_document(scene, place)
+    document = read_document(scene) if exists(scene) else _new_document(scene, place)
     tables = document.get("real")
     if tables is None:
         if not document.as_string().endswith("\n\n"):

@@ -11,6 +11,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.cancellation import raise_if_cancelled
 from lightdepth.kernel.arrays import aligned
 from lightdepth.place.light_list import LightList
 from lightdepth.place.place import Place
@@ -95,6 +96,7 @@ def _estimate(
     for result in results:
         lights = place.presample_lights(generator, min(LIGHT_SAMPLES, LIGHTS_PER_SAMPLE * samples))
         for chunk in np.array_split(np.arange(len(points)), max(1, -(-len(points) * half // LANES))):
+            raise_if_cancelled()
             lane = dr.arange(mi.UInt32, len(chunk) * half)
             owner = lane // each
             normal = dr.gather(mi.Vector3f, mi.Float(aligned(normals[chunk])), owner)

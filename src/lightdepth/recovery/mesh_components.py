@@ -74,7 +74,6 @@ def with_refined(
     part: RealSurfaces,
     grids: Grids,
     irradiance: NDArray[np.float32],
-    mirrored: NDArray[np.float32],
 ) -> RealSurfaces:
     """The faces that are not ``replaced`` as they were, followed by a refined part.
 
@@ -84,7 +83,6 @@ def with_refined(
         part: what was refined.
         grids: how what is known at the vertices of the refined mesh is laid out.
         irradiance: at these vertices, shape (n, 3).
-        mirrored: likewise.
     """
     mesh = grids.mesh
     offset, nodes = len(surfaces.vertices), len(surfaces.irradiance)
@@ -95,7 +93,6 @@ def with_refined(
         divisions=np.concatenate([surfaces.divisions[~replaced], grids.divisions]),
         first_node=np.concatenate([surfaces.first_node[~replaced], grids.first_node + np.uint32(nodes)]),
         irradiance=np.concatenate([surfaces.irradiance, grids.at_nodes(irradiance)]),
-        mirrored=np.concatenate([surfaces.mirrored, grids.at_nodes(mirrored)]),
         faces=np.concatenate([surfaces.faces[~replaced], mesh.faces + offset]),
         kind=np.concatenate([surfaces.kind[~replaced], part.kind[mesh.parent]]),
         gloss=np.concatenate([surfaces.gloss[~replaced], part.gloss[mesh.parent]]),

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from lightdepth.place.object_bounds import Sphere
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
-from lightdepth.place.support_scattering import SpecularLobes
-from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
+from lightdepth.recovery.irradiance import estimate_irradiance
 from lightdepth.recovery.irradiance_mesh import DARK, estimate_on_mesh, share_of_view
 from lightdepth.recovery.mesh_components import separate, wind_toward_capture, with_refined
 from lightdepth.recovery.mesh_refinement import RefinedMesh
@@ -70,22 +69,8 @@ def recover_irradiance(
     support = separate(surfaces, receiving)
     support = replace(support, faces=wind_toward_capture(place, support))
     mesh, irradiance = estimate_on_mesh(place, support, spheres, generator, samples)
-    mirrored = np.zeros_like(irradiance)
-    if surfaces.glosses:
-        gloss = np.zeros(len(mesh.points), np.uint32)
-        gloss[mesh.faces] = support.gloss[mesh.parent][:, None]
-        shiny = np.flatnonzero(gloss)
-        mirrored[shiny] = estimate_mirrored(
-            place,
-            mesh.inside()[shiny],
-            mesh.vertex_normals()[shiny],
-            SpecularLobes(surfaces.glosses),
-            gloss[shiny],
-            generator,
-            samples,
-        )
     report = _check(place, mesh, irradiance, spheres, generator, 4 * samples)
-    return with_refined(surfaces, receiving, support, lay_out(mesh), irradiance, mirrored), report
+    return with_refined(surfaces, receiving, support, lay_out(mesh), irradiance), report
 
 
 def _check(

@@ -90,22 +90,22 @@ def recover_hidden(
     part = separate(modelled, chosen)
     mesh, irradiance = estimate_on_mesh(place, part, (), generator, min(samples, MESH_SAMPLES))
     samples = min(samples // 8 * 2, SAMPLES, max(FEWEST_SAMPLES, VERTEX_SAMPLES // len(mesh.points) // 2 * 2))
-    grids, unmirrored = lay_out(mesh), np.zeros_like(irradiance)
-    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, grids, irradiance, unmirrored)))
+    grids = lay_out(mesh)
+    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, grids, irradiance)))
     number, likeness = np.flatnonzero(chosen), _likeness(part, seen)
     for _ in range(ROUNDS):
         at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples)
         part = replace(part, unseen_albedo=_albedo(part, number, likeness, seen, at_seen))
-        place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance, unmirrored))
+        place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
         irradiance = estimate_again(place, mesh, generator, samples)
-    place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance, unmirrored))
+    place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
 
     albedo = modelled.unseen_albedo.copy()
     albedo[chosen] = part.unseen_albedo
     modelled = replace(modelled, unseen_albedo=albedo)
     environment = ~modelled.receiving
     grids = grids.of_faces(~part.receiving[grids.mesh.parent])
-    return place, with_refined(modelled, chosen & environment, part, grids, irradiance, unmirrored)
+    return place, with_refined(modelled, chosen & environment, part, grids, irradiance)
 
 
 def _hides_much(place: Place, surfaces: RealSurfaces, generator: np.random.Generator) -> bool:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras import Camera
+from lightdepth.cameras import Equirectangular, Viewpoint
 from lightdepth.scene.materials import Material
 
 
@@ -26,21 +26,21 @@ class Mesh:
     """Triangles.
 
     Attributes:
-        vertices: shape (n, 3), float32, world, metres.
+        vertices: shape (n, 3), float32, world, metres; of a file that is not placed yet float64.
         faces: shape (m, 3), int32, counter-clockwise seen from outside.
         normals: shading normals, shape (n, 3), float32, unit, world; ``None`` means flat faces.
         texture_coordinates: shape (n, 2), float32, or ``None``; v grows upward in the image.
         colors: linear vertex colours, shape (n, 3), float32, not negative, or ``None``.
         rest: environment texture coordinates (paper, section 5.8): where on the real place each vertex takes its
-            colour from, shape (n, 3), float32, world, metres; ``None`` means from where it is.
+            colour from, shape (n, 3), of the type of ``vertices``, world, metres; ``None`` means from where it is.
     """
 
-    vertices: NDArray[np.float32]
+    vertices: NDArray[np.floating]
     faces: NDArray[np.int32]
     normals: NDArray[np.float32] | None = None
     texture_coordinates: NDArray[np.float32] | None = None
     colors: NDArray[np.float32] | None = None
-    rest: NDArray[np.float32] | None = None
+    rest: NDArray[np.floating] | None = None
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,19 @@ class AnalyticShape:
 
 @dataclass(frozen=True)
 class Gloss:
-    """Specular lobe on a support surface: GGX roughness in [0, 1] and specular level in [0, 1] (0.5 is F0 = 4 %)."""
+    """Specular lobe on a support surface.
+
+    Attributes:
+        roughness: of the GGX distribution, in [0, 1].
+        specular: level in [0, 1]; 0.5 is a reflectance of 4 % at normal incidence.
+        scale: share of the lobe that the photograph leaves room for, in [0, 1]; see :mod:`lightdepth.recovery.specular`.
+        albedo: typical diffuse albedo of the surface beneath the lobe, linear RGB; found by the same module.
+    """
 
     roughness: float
     specular: float
+    scale: float = 1.0
+    albedo: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -136,6 +145,7 @@ class Panorama:
             ``depth``, inf declares it.
         path: the file it came from, for messages.
         repairs: what was wrong with its radiance and was replaced, a message for each kind.
+        notes: what of its file makes pictures wrong in places, a sentence each.
     """
 
     radiance: NDArray[np.float32]
@@ -145,6 +155,13 @@ class Panorama:
     sky: bool = False
     path: Path | None = None
     repairs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def viewpoint(self) -> Viewpoint:
+        """The camera whose pixels are those of the photograph."""
+        camera = Equirectangular(type="equirectangular", width=self.radiance.shape[1])
+        return Viewpoint(camera, self.position, self.rotation)
 
 
 @dataclass(frozen=True)
@@ -170,24 +187,23 @@ class RenderSettings:
     draft: bool = False
 
 
-@dataclass(frozen=True)
-class CameraView:
-    """A camera where it stands.
-
-    Attributes:
-        camera: its settings; ``camera.position`` is always filled in.
-        position: shape (3,), float64, world, metres.
-        rotation: camera space to world, shape (3, 3), float64; the columns are right, forward and up.
-    """
-
-    camera: Camera
-    position: NDArray[np.float64]
-    rotation: NDArray[np.float64]
+CameraView = Viewpoint
+"""The cameras of a scene."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that a rendering needs."""
+    """Everything that a rendering needs.
+
+    Attributes:
+        panorama: the photograph.
+        real: what stands in it.
+        synthetic: what is new.
+        cameras: by name.
+        render: settings.
+        path: the scene file, where it comes from one.
+        notes: what files say that is left out or taken otherwise, a message for each.
+    """
 
     panorama: Panorama
     real: tuple[RealSurface, ...] = ()
@@ -196,3 +212,4 @@ class Scene:
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
     lights: tuple[SunLight, ...] = ()
+    notes: tuple[str, ...] = ()

@@ -15,6 +15,8 @@ from pydantic_core import ErrorDetails
 from lightdepth.errors import InputError
 from lightdepth.scene.toml_lines import TomlLines
 
+LONGEST = 100
+"""Letters of what a user wrote that a message repeats."""
 Place = tuple[str | int, ...]
 """Keys and positions from the file's top inward, as pydantic counts them."""
 
@@ -110,7 +112,7 @@ def _message(details: ErrorDetails, expected: Any) -> str:
     key, found, context = str(details["loc"][-1]), details["input"], details.get("ctx", {})
     match details["type"]:
         case "extra_forbidden":
-            return f"unknown key '{key}'{nearest(key, _field_names(expected))}"
+            return f"unknown key '{shortened(key)}'{nearest(key, _field_names(expected))}"
         case "missing" if isinstance(details["loc"][-1], int):
             message = f"must be {_list_of_numbers(expected)}"
         case "tuple_type" | "too_long":
@@ -123,10 +125,10 @@ def _message(details: ErrorDetails, expected: Any) -> str:
             return f"the key 'type' is missing; allowed: {', '.join(_type_names(expected))}"
         case "union_tag_invalid":
             tag = str(context["tag"])
-            return f"type: '{tag}' is not known{nearest(tag, _type_names(expected))}"
+            return f"type: '{shortened(tag)}' is not known{nearest(tag, _type_names(expected))}"
         case "literal_error":
             allowed = [str(value) for value in _literals(expected)]
-            return f"{found!r} is not known{nearest(str(found), allowed)}"
+            return f"{shortened(repr(found))} is not known{nearest(str(found), allowed)}"
         case "value_error":
             message = str(context["error"])
         case "kind_of_object":
@@ -134,13 +136,18 @@ def _message(details: ErrorDetails, expected: Any) -> str:
         case _:
             message = details["msg"].replace("Input should", "must", 1).replace("must a ", "must be a ", 1)
     simple = isinstance(found, str | int | float | list) and "no such file" not in message
-    return f"{message}, found {found!r}" if simple else message
+    return f"{message}, found {shortened(repr(found))}" if simple else message
+
+
+def shortened(text: str) -> str:
+    """What a user wrote, as far as it helps to find it."""
+    return text if len(text) <= LONGEST else text[:LONGEST] + "..."
 
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """``; did you mean 'x'? allowed: ...`` for a word that is not among the known ones."""
     known = list(known)
-    close = difflib.get_close_matches(word.lower(), known, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(word[:LONGEST].lower(), known, n=1, cutoff=0.5)
     hint = f"; did you mean '{close[0]}'?" if close else ";"
     return f"{hint} allowed: {', '.join(known)}"
 

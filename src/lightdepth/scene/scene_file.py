@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +11,6 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from lightdepth.cameras import Camera, CameraSettings
-from lightdepth.errors import InputError
 from lightdepth.scene.lights import LightSettings, SunTable
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.schema import (
@@ -26,6 +24,7 @@ from lightdepth.scene.schema import (
     SyntheticTable,
     UnitShapeObject,
 )
+from lightdepth.toml_file import read_toml
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ def read_tables(path: Path) -> tuple[Tables, Problems]:
     Raises:
         InputError: the file is missing, cannot be read, or is not TOML.
     """
-    text, document = _read_toml(path)
+    text, document = read_toml(path)
     problems = Problems(path, text, document)
     for array in ("real", "light", "synthetic"):
         _note_duplicates(array, document, problems)
@@ -117,19 +116,6 @@ def _list(value: Any) -> list[Any]:
 
 def _dict(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
-
-
-def _read_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file") from error
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a text file ({error})") from error
-    try:
-        return text, tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from error
 
 
 def _note_duplicates(array: str, document: Mapping[str, Any], problems: Problems) -> None:

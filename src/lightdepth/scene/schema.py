@@ -9,7 +9,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from lightdepth.cameras import CameraSettings
 from lightdepth.scene.lights import LightSettings
 from lightdepth.scene.materials import MaterialSettings
-from lightdepth.scene.values import InputFile, Name, Number, Scale, Table, Vector3, Whole
+from lightdepth.scene.values import InputFile, Name, Number, Pair, Scale, Table, Vector3, Whole
 
 
 class Placed(Table):
@@ -66,7 +66,31 @@ class RealTable(Placed):
         return self
 
 
-class MeshObject(Placed):
+class OnSpot(Table):
+    """Where an object stands by a pixel of the panorama, instead of a position in metres."""
+
+    at: Pair | None = None
+    at_angles: Pair | None = None
+    stand: Annotated[bool, Field(strict=True)] = True
+    align: Annotated[bool, Field(strict=True)] = False
+
+    @property
+    def on_spot(self) -> bool:
+        """Whether a pixel places the object."""
+        return self.at is not None or self.at_angles is not None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> OnSpot:
+        given = [key for key in ("at", "at_angles", "position", "center") if key in self.model_fields_set]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} exclude each other: each says where the object is")
+        alone = self.model_fields_set & {"stand", "align"}
+        if alone and not self.on_spot:
+            raise ValueError(f"{' and '.join(sorted(alone))} belong to an object that is placed by at or at_angles")
+        return self
+
+
+class MeshObject(OnSpot, Placed):
     """``[[synthetic]]`` with a mesh file; without ``material`` it has the materials of the file."""
 
     name: Name
@@ -74,17 +98,23 @@ class MeshObject(Placed):
     material: MaterialSettings | None = None
 
 
-class SphereObject(Table):
+class SphereObject(OnSpot):
     """``[[synthetic]]`` with ``shape = "sphere"``."""
 
     name: Name
     shape: Literal["sphere"]
-    center: Vector3
+    center: Vector3 | None = None
     radius: Number = Field(gt=0.0)
     material: MaterialSettings
 
+    @model_validator(mode="after")
+    def _placed(self) -> SphereObject:
+        if self.center is None and not self.on_spot:
+            raise ValueError("the key 'center' is missing (or 'at', a pixel of the panorama)")
+        return self
 
-class UnitShapeObject(Placed):
+
+class UnitShapeObject(OnSpot, Placed):
     """``[[synthetic]]`` with another shape of unit size: Mitsuba's, from -1 to 1; the cylinder from z = 0 to 1."""
 
     name: Name

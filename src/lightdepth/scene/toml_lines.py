@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass
 
 _HEADER = re.compile(r"^\s*(\[\[?)\s*([^\]]+?)\s*\]")
@@ -21,10 +22,12 @@ class TomlLines:
     def __init__(self, text: str) -> None:
         self._lines = text.splitlines()
         self._headers: list[_Header] = []
+        seen: Counter[str] = Counter()
         for number, line in enumerate(self._lines, start=1):
             if match := _HEADER.match(line):
                 name = ".".join(part.strip(" \"'") for part in match[2].split("."))
-                self._headers.append(_Header(number, name, sum(h.name == name for h in self._headers)))
+                self._headers.append(_Header(number, name, seen[name]))
+                seen[name] += 1
 
     def line_of(self, table: str, position: int, keys: tuple[str, ...]) -> int | None:
         """Line of the innermost of some keys that stands on a line of its own, else of the table's header.

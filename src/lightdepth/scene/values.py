@@ -7,15 +7,18 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
+from lightdepth.files import is_file
+
 Number = Annotated[float, Field(strict=True)]
 Whole = Annotated[int, Field(strict=True)]
 Vector3 = tuple[Number, Number, Number]
+Pair = tuple[Number, Number]
 
 
 def _existing_file(path: Path, info: ValidationInfo) -> Path:
     """The path, relative to the scene file's folder (``context["folder"]``)."""
     resolved: Path = (info.context or {}).get("folder", Path()) / path
-    if not resolved.is_file():
+    if not is_file(resolved):
         raise ValueError(f"{resolved}: no such file")
     return resolved
 

@@ -37,12 +37,14 @@ class Connection:
         origin: where its rays to them start, world, metres.
         film: where its image shows them, in [0, 1].
         solid_angle: of the pixels there, steradians.
+        weight: of what paths bring there; 1 where the image shows a point in one place and its rays have one origin.
         seen: whether the image shows that direction.
     """
 
     origin: mi.Point3f
     film: mi.Point2f
     solid_angle: mi.Float
+    weight: mi.Float
     seen: mi.Bool
 
 
@@ -325,6 +327,7 @@ class LightTracer:
         pdf_ratio = path.pdf_ratio * self.pdf_ratio_at_first(angle * per_path, distance, cosine, incoming_cosine, pdf)
         radiance = path.flux * value * (1.0 - self.weight(pdf_ratio))
         radiance *= dr.abs(cosine) / dr.maximum(dr.abs(incoming_cosine), 1e-6)
+        radiance *= camera.weight
         radiance /= dr.maximum(angle * dr.square(distance), 1e-20)
         active = (on_support | on_object) & (dr.max(radiance) > 0.0)
         sight = shadow_ray(point, normal, outgoing, distance)

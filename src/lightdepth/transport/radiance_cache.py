@@ -7,7 +7,7 @@ mean over a cell of space, and all others end there. (Path space filtering: Kell
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import drjit as dr
@@ -67,6 +67,15 @@ class RadianceCache:
         yield
         self._add(self._learnt_cells.numpy(), self._learnt.numpy().reshape(-1, 4)[:, :3])
         self._expect(0)
+
+    def contents(self) -> dict[str, NDArray]:
+        """Everything that it has learnt, by name."""
+        return {"cells": self._cells, "sums": self._sums, "records": self._records}
+
+    def restore(self, contents: Mapping[str, NDArray]) -> None:
+        """Put what :meth:`contents` gave in place of what there is."""
+        self._cells, self._sums, self._records = (contents[name] for name in ("cells", "sums", "records"))
+        self._upload()
 
     def cell(self, point: mi.Point3f, normal: mi.Vector3f) -> tuple[mi.UInt64, mi.Float]:
         """The cells of points and their edges in metres.

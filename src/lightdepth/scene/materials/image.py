@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import io
+import warnings
 from enum import Enum
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from lightdepth.errors import InputError
+from lightdepth.files import is_file
 from lightdepth.images.radiance import READERS, read_radiance
 from lightdepth.scene.materials.texture import Texture, decode_srgb
+
+Mode = Literal["L", "RGB", "RGBA"]
 
 
 class Content(Enum):
@@ -29,27 +34,62 @@ def read_texture(path: Path, content: Content) -> Texture:
     Raises:
         ValueError: the file is missing or is no image that can be read.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise ValueError(f"{path}: no such file")
     if path.suffix.lower() in READERS:
         if content is not Content.COLOUR:
             raise ValueError(f"{path}: an 8-bit image (.png, .jpg) is needed here")
-        try:
-            return Texture(read_radiance(path))
-        except InputError as error:
-            raise ValueError(str(error)) from error
+        return Texture(_radiance(path))
+    return texture_of(_eight_bit_file(path, "L" if content is Content.SHARE else "RGB"), content)
+
+
+def read_pixels(path: Path) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """Read an image file: 8-bit codes, red, green, blue and alpha; of .exr and .hdr linear red, green and blue.
+
+    Raises:
+        ValueError: the file is no image that can be read.
+    """
+    return _radiance(path) if path.suffix.lower() in READERS else _eight_bit_file(path, "RGBA")
+
+
+def _radiance(path: Path) -> NDArray[np.float32]:
     try:
-        with Image.open(path) as image:
-            pixels = eight_bit(image, "L" if content is Content.SHARE else "RGB")
-    except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-        raise ValueError(f"{path}: not an image that can be read ({error})") from error
-    return texture_of(pixels, content)
+        return read_radiance(path)
+    except InputError as error:
+        raise ValueError(str(error)) from error
 
 
-def eight_bit(image: Image.Image, mode: Literal["L", "RGB", "RGBA"]) -> NDArray[np.uint8]:
-    """An image's pixels in another mode; Pillow by itself would clip 16-bit grey values at 255."""
-    if image.mode.startswith("I"):
-        image = Image.fromarray((np.asarray(image) // 257).astype(np.uint8))
+def _eight_bit_file(path: Path, mode: Mode) -> NDArray[np.uint8]:
+    try:
+        return eight_bit(path.read_bytes(), mode)
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f"{path}: not an image that can be read ({why})") from error
+
+
+def eight_bit(content: bytes, mode: Mode) -> NDArray[np.uint8]:
+    """The pixels of an encoded image as 8-bit codes, of shape (height, width) or (height, width, channels).
+
+    Raises:
+        ValueError: it is no image, is damaged, or has numbers of 32 bits. The message says which.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            image: Image.Image = Image.open(io.BytesIO(content))
+            image.load()
+    except UnidentifiedImageError as error:
+        raise ValueError("of no image format that is known") from error
+    except Image.DecompressionBombError as error:
+        raise ValueError(f"it has more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} pixels") from error
+    except MemoryError:
+        raise
+    except Exception as error:  # Pillow's decoders raise whatever they meet.
+        raise ValueError("it is damaged or cut off") from error
+    if image.mode == "F":
+        raise ValueError("numbers of 32 bits are not supported here; save it with 8 or 16 bits, or as .exr")
+    if image.mode.startswith("I"):  # Pillow by itself would clip 16-bit grey values at 255.
+        image = Image.fromarray((np.clip(np.asarray(image), 0, 65535) // 257).astype(np.uint8))
     return np.asarray(image.convert(mode))
 
 

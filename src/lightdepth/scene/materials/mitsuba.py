@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from lightdepth.files import is_file
 from lightdepth.scene.materials.material import Material, Plugin
 
 
@@ -42,7 +43,7 @@ def _prepared(plugin: dict[str, Any], folder: Path) -> dict[str, Any]:
         elif isinstance(value, list) and plugin["type"] not in ("rgb", "srgb", "spectrum"):
             prepared[key] = {"type": "rgb", "value": value}
         elif key == "filename":
-            if not (folder / value).is_file():
+            if not isinstance(value, str) or not is_file(folder / value):
                 raise ValueError(f"{folder / value}: no such file")
             prepared[key] = str(folder / value)
         else:

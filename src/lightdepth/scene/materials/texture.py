@@ -39,12 +39,12 @@ class VertexColors:
     texture: Texture | None = None
 
 
-def _srgb_to_linear() -> NDArray[np.float64]:
-    code = np.arange(256) / 255.0
-    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+def decoded_srgb(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Linear values of sRGB values in [0, 1] (IEC 61966-2-1), of the same shape."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-SRGB_TO_LINEAR = _srgb_to_linear()
+SRGB_TO_LINEAR = decoded_srgb(np.arange(256) / 255.0)
 """Linear values in [0, 1] of the 256 codes of 8-bit sRGB (IEC 61966-2-1)."""
 
 

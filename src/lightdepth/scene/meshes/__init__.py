@@ -6,31 +6,38 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from lightdepth.errors import InputError
+from lightdepth.files import is_file
 from lightdepth.scene.meshes.geometry import checked
 from lightdepth.scene.meshes.gltf import read_gltf
 from lightdepth.scene.meshes.obj import read_obj
-from lightdepth.scene.meshes.part import MeshPart
+from lightdepth.scene.meshes.part import MeshPart, Note
 from lightdepth.scene.meshes.ply import read_ply
 from lightdepth.scene.meshes.stl import read_stl
 
-READERS: dict[str, Callable[[Path, bool], list[MeshPart]]] = {
+READERS: dict[str, Callable[[Path, bool, Note], list[MeshPart]]] = {
     ".ply": read_ply,
     ".obj": read_obj,
     ".stl": read_stl,
     ".gltf": read_gltf,
     ".glb": read_gltf,
 }
-"""Readers by file name extension; the second argument says whether materials are wanted."""
+"""Readers by file name extension. They take the file, whether materials are wanted, and a function for notes."""
 
 
-def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) -> list[MeshPart]:
+def read_mesh_file(
+    path: Path, with_materials: bool, keep_flat: bool = False, note: Note = lambda message: None
+) -> list[MeshPart]:
     """Read a mesh file and check it.
 
     Args:
         path: the file.
         with_materials: read the materials, too; without, the parts have none.
         keep_flat: keep triangles without area, so that faces stay numbered as in the file.
+        note: called with each thing that the file says and that is left out or taken otherwise, one line each, which
+            begins with the file.
 
     Returns:
         The file's parts in its own coordinates, z up, metres.
@@ -38,17 +45,23 @@ def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) ->
     Raises:
         InputError: the file is missing, of an unknown format, unreadable, empty, or has broken vertices or faces.
     """
-    if not path.is_file():
+    if not is_file(path):
         raise InputError(f"{path}: no such file")
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: '{path.suffix}' is not a mesh format; allowed are {', '.join(READERS)}")
+    noted: set[str] = set()
+
+    def note_once(message: str) -> None:
+        if message not in noted:
+            noted.add(message)
+            note(f"{path}: {message}")
+
     try:
-        parts = reader(path, with_materials)
-    except (InputError, MemoryError):
-        raise
-    except Exception as error:  # The readers of other people's formats raise whatever they meet.
-        raise InputError(f"{path}: not a readable {path.suffix} mesh ({type(error).__name__}: {error})") from error
+        with np.errstate(over="ignore", invalid="ignore"):  # What is not finite is found below.
+            parts = reader(path, with_materials, note_once)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if not parts:
         raise InputError(f"{path}: the mesh has no triangles")
     try:
@@ -57,4 +70,4 @@ def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) ->
         raise InputError(f"{path}: {error}") from error
 
 
-__all__ = ["READERS", "MeshPart", "read_mesh_file"]
+__all__ = ["READERS", "MeshPart", "Note", "read_mesh_file"]

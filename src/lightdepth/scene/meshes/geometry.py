@@ -12,6 +12,10 @@ from lightdepth.directions import euler_rotation
 from lightdepth.scene.model import Mesh
 
 Triple = tuple[float, float, float]
+FARTHEST = 1e15
+"""Coordinates beyond are damage."""
+COARSEST_STEP = 0.002
+"""Of a mesh's size: coarser steps of single precision would be seen."""
 
 
 def placement(position: Triple, rotation: Triple, scale: Triple) -> NDArray[np.float64]:
@@ -29,7 +33,10 @@ def face_areas(vertices: NDArray[np.floating], faces: NDArray[np.integer]) -> ND
 
 
 def transformed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
-    """The mesh under an affine map of shape (4, 4); rest positions move along, mirrored faces keep their outside."""
+    """The mesh under an affine map of shape (4, 4); rest positions move along, mirrored faces keep their outside.
+
+    Positions are computed and left in double precision: coordinates in the millions lose no millimetres on their way.
+    """
     linear, offset = matrix[:3, :3], matrix[:3, 3]
     mirrored = np.linalg.det(linear) < 0.0
     normals = mesh.normals
@@ -39,16 +46,41 @@ def transformed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
         normals = unit(normals @ (cofactors * (-1.0 if mirrored else 1.0)).T)
     return replace(
         mesh,
-        vertices=(mesh.vertices @ linear.T + offset).astype(np.float32),
+        vertices=mesh.vertices.astype(np.float64) @ linear.T + offset,
         faces=np.ascontiguousarray(mesh.faces[:, ::-1]) if mirrored else mesh.faces,
         normals=normals,
-        rest=None if mesh.rest is None else (mesh.rest @ linear.T + offset).astype(np.float32),
+        rest=None if mesh.rest is None else mesh.rest.astype(np.float64) @ linear.T + offset,
+    )
+
+
+def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
+    """The mesh in the world, in single precision, under an affine map of shape (4, 4).
+
+    Raises:
+        ValueError: it stands so far from the world's origin that single precision cannot hold its shape.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        exact = transformed(mesh, matrix)
+        vertices = exact.vertices.astype(np.float32)
+    reach, size = float(np.abs(vertices).max()), float(np.ptp(exact.vertices, axis=0).max())
+    step = float(np.spacing(np.float32(reach)))
+    if not np.isfinite(step) or step > COARSEST_STEP * size:
+        raise ValueError(
+            f"it reaches {reach:.6g} m from the world's origin, where positions have steps of {step:.2g} m, too coarse "
+            f"for its size of {size:.3g} m; give it a position that brings it near the origin"
+        )
+    solid = face_areas(vertices, exact.faces) > 0.0
+    return replace(
+        exact,
+        vertices=vertices,
+        faces=exact.faces if solid.all() else exact.faces[solid],
+        rest=None if exact.rest is None else exact.rest.astype(np.float32),
     )
 
 
 def unit(vectors: NDArray[np.floating]) -> NDArray[np.float32]:
     """Vectors of shape (n, 3) scaled to length 1; zero vectors stay."""
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    lengths = np.linalg.norm(vectors.astype(np.float64), axis=-1, keepdims=True)
     return (vectors / np.where(lengths > 0.0, lengths, 1.0)).astype(np.float32)
 
 
@@ -70,13 +102,18 @@ def checked(mesh: Mesh, keep_flat: bool = False) -> Mesh:
     """The mesh, without triangles that have no area unless they are to be kept.
 
     Raises:
-        ValueError: vertices that are not finite, faces that name no vertex, or nothing left.
+        ValueError: vertices that are not finite or absurdly far, faces that name no vertex, or nothing left.
     """
     for name in ("vertices", "normals", "texture_coordinates", "rest"):
         values = getattr(mesh, name)
         if values is not None and (bad := ~np.isfinite(values).all(axis=1)).any():
             what = name.replace("_", " ")
             raise ValueError(f"{what}: {bad.sum()} of {len(bad)} are not finite, the first is vertex {bad.argmax()}")
+        if values is not None and (far := (np.abs(values) > FARTHEST).any(axis=1)).any():
+            what = name.replace("_", " ")
+            raise ValueError(
+                f"{what}: {far.sum()} of {len(far)} are beyond {FARTHEST:g}, the first is vertex {far.argmax()}"
+            )
     if len(mesh.faces) == 0:
         raise ValueError("the mesh has no triangles")
     outside = (mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))
@@ -86,7 +123,22 @@ def checked(mesh: Mesh, keep_flat: bool = False) -> Mesh:
     solid = face_areas(mesh.vertices, mesh.faces) > 0.0
     if not solid.any() and not keep_flat:
         raise ValueError(f"all {len(solid)} triangles are degenerate (without area)")
+    if mesh.normals is not None:
+        mesh = replace(mesh, normals=_complete_normals(mesh, mesh.normals))
     return mesh if solid.all() or keep_flat else replace(mesh, faces=mesh.faces[solid])
+
+
+def _complete_normals(mesh: Mesh, normals: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Normals of unit length; where a file has zeros, the mean of the faces around the vertex."""
+    found = unit(normals)
+    if (missing := ~found.any(axis=1)).any():
+        around = np.zeros((len(found), 3))
+        a, b, c = (mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3))
+        for corner in range(3):
+            np.add.at(around, mesh.faces[:, corner], np.cross(b - a, c - a))
+        around[~around.any(axis=1)] = (0.0, 0.0, 1.0)  # No face is there to be shaded.
+        found[missing] = unit(around)[missing]
+    return found
 
 
 def is_closed(mesh: Mesh) -> bool:

@@ -2,154 +2,163 @@
 
 from __future__ import annotations
 
-import copy
-import io
-import json
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from trimesh.exchange.gltf import load_gltf
-from trimesh.scene.transforms import SceneGraph
 
+from lightdepth.errors import InputError
 from lightdepth.scene.meshes.geometry import is_closed, transformed
+from lightdepth.scene.meshes.gltf_accessors import GltfAccessors
+from lightdepth.scene.meshes.gltf_extensions import left_out_extensions
 from lightdepth.scene.meshes.gltf_file import GltfFile
 from lightdepth.scene.meshes.gltf_material import GltfMaterials
-from lightdepth.scene.meshes.part import MeshPart
+from lightdepth.scene.meshes.gltf_nodes import GltfNodes, instance_matrices
+from lightdepth.scene.meshes.gltf_primitive import FAN, STRIP, TRIANGLES, Decoded, GltfPrimitive
+from lightdepth.scene.meshes.gltf_skin import skinned
+from lightdepth.scene.meshes.part import MeshPart, Note
 from lightdepth.scene.model import Mesh
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 Y_UP_TO_Z_UP = np.array([[1.0, 0, 0, 0], [0, 0, -1.0, 0], [0, 1.0, 0, 0], [0, 0, 0, 1.0]])
 """(x, y, z) becomes (x, -z, y)."""
-_TRIANGLES, _TRIANGLE_STRIP = 4, 5
-_CUSTOM_ATTRIBUTES = ("TEXCOORD_0", "TEXCOORD_1", "COLOR_0")
+_MOST_VERTICES = 1 << 27
+"""Of all instances of a primitive."""
 
 
-def read_gltf(path: Path, with_materials: bool) -> list[MeshPart]:
+def read_gltf(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
     """Read a glTF file: one part for each primitive of each node that shows it.
 
-    Skins and morph targets stay in their rest pose; points and lines are left out.
+    Skins are posed by their joints and morph targets by their weights, without animation; points and lines are left
+    out. Without materials, texture coordinates are those of ``TEXCOORD_0``.
 
     Raises:
         InputError: the file is broken, incomplete, or needs an extension that is not supported.
     """
-    file = GltfFile(path)
-    primitives = _triangle_primitives(file.header)
-    loaded = load_gltf(io.BytesIO(json.dumps(_for_trimesh(file.header)).encode()), _Buffers(file), skip_materials=True)
-    geometry = {
-        name: _Primitive(content, description, file.header)
-        for (name, content), description in zip(loaded["geometry"].items(), primitives, strict=True)
-    }
-    graph = SceneGraph(base_frame=loaded["base_frame"])
-    for edge in loaded["graph"]:
-        graph.update(**edge)
-    materials = GltfMaterials(file)
-    parts = []
-    for node in graph.nodes_geometry:
-        matrix, name = graph.get(node)
-        to_world = Y_UP_TO_Z_UP @ matrix
-        if with_materials:
-            parts.append(geometry[name].part(materials, to_world))
-        else:
-            parts.append(MeshPart(transformed(geometry[name].mesh(), to_world)))
-    return parts
+    return _Reader(GltfFile(path), with_materials, note).parts()
 
 
-def _is_triangles(primitive: dict[str, Any]) -> bool:
-    return primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _TRIANGLE_STRIP)
+class _Reader:
+    """Reads one file."""
 
-
-def _triangle_primitives(header: dict[str, Any]) -> list[dict[str, Any]]:
-    return [p for mesh in header.get("meshes", []) for p in mesh["primitives"] if _is_triangles(p)]
-
-
-def _for_trimesh(header: dict[str, Any]) -> dict[str, Any]:
-    """The header as trimesh is to see it.
-
-    It keeps custom attributes (``_NAME``) but drops the second texture coordinates and, without materials, the first
-    ones; so these come under custom names, untouched. Primitives that are no triangles go, so that its geometries
-    and the file's triangle primitives are in the same order. Buffers go by number.
-    """
-    header = copy.deepcopy(header)
-    for number, buffer in enumerate(header.get("buffers", [])):
-        buffer["uri"] = str(number)
-    for mesh in header.get("meshes", []):
-        mesh["primitives"] = [p for p in mesh["primitives"] if _is_triangles(p)]
-        for primitive in mesh["primitives"]:
-            attributes = primitive["attributes"]
-            for name in _CUSTOM_ATTRIBUTES:
-                if name in attributes:
-                    attributes[f"_{name}"] = attributes.pop(name)
-    if "scenes" not in header:
-        nodes = header.get("nodes", [])
-        children = {child for node in nodes for child in node.get("children", [])}
-        header["scenes"] = [{"nodes": [i for i in range(len(nodes)) if i not in children]}]
-    return header
-
-
-class _Buffers:
-    """Gives trimesh the file's buffers by their numbers."""
-
-    def __init__(self, file: GltfFile) -> None:
+    def __init__(self, file: GltfFile, with_materials: bool, note: Note) -> None:
         self._file = file
+        self._note = note
+        self._accessors = GltfAccessors(file)
+        self._nodes = GltfNodes(file)
+        self._materials = GltfMaterials(file, note) if with_materials else None
+        self._primitives: dict[tuple[int, int], GltfPrimitive] = {}
 
-    def __getitem__(self, uri: str) -> bytes:
-        return self._file.buffer(int(uri))
+    def parts(self) -> list[MeshPart]:
+        """All that is shown."""
+        header = self._file.header
+        for message in left_out_extensions(header.extensions_used if self._materials is not None else ()):
+            self._note(message)
+        if header.animations:
+            self._note("its animation is left out; the pose is the one without it")
+        if len(header.scenes) > 1:
+            self._note(f"has {len(header.scenes)} scenes, of which number {header.scene or 0} is shown")
+        parts = []
+        for number, world in self._nodes.shown.items():
+            node = header.nodes[number]
+            if node.mesh is None:
+                continue
+            mesh = self._file.entry(header.meshes, node.mesh, "mesh")
+            weights = node.weights or mesh.weights or []
+            for position, description in enumerate(mesh.primitives):
+                if description.mode not in (TRIANGLES, STRIP, FAN):
+                    if not 0 <= description.mode < TRIANGLES:
+                        raise InputError(
+                            f"{self._file.path}: meshes[{node.mesh}].primitives[{position}] has mode "
+                            f"{description.mode}; allowed are 0 to 6"
+                        )
+                    self._note("points and lines are left out")
+                    continue
+                primitive = self._primitive(node.mesh, position)
+                base = primitive.decoded(weights)
+                if not len(base.faces):
+                    continue
+                if node.skin is not None:
+                    posed = skinned(self._file, self._accessors, self._nodes, node.skin, primitive, base)
+                    placed = transformed(_mesh(posed), Y_UP_TO_Z_UP)
+                else:
+                    placed = self._instances(number, world, base)
+                parts.append(self._part(primitive, placed, len(base.positions)))
+        return parts
 
+    def _primitive(self, mesh: int, position: int) -> GltfPrimitive:
+        key = (mesh, position)
+        if key not in self._primitives:
+            description = self._file.header.meshes[mesh].primitives[position]
+            place = f"meshes[{mesh}].primitives[{position}]"
+            self._primitives[key] = GltfPrimitive(self._file, self._accessors, description, place)
+        return self._primitives[key]
 
-class _Primitive:
-    """Triangles of one material, as trimesh read them."""
-
-    def __init__(self, content: dict[str, Any], description: dict[str, Any], header: dict[str, Any]) -> None:
-        self._content = content
-        self._description = description
-        self._header = header
-
-    def mesh(self) -> Mesh:
-        """Positions, faces and normals in the coordinates of the node."""
-        normals = self._content.get("vertex_normals")
+    def _instances(self, number: int, world: NDArray[np.float64], base: Decoded) -> Mesh:
+        """A primitive in its node's place, or in all those of its instances, as one mesh."""
+        instances = instance_matrices(self._file, self._accessors, self._file.header.nodes[number])
+        mesh = _mesh(base)
+        if instances is None:
+            return transformed(mesh, Y_UP_TO_Z_UP @ world)
+        count = len(instances)
+        if count * max(len(mesh.vertices), len(mesh.faces)) > _MOST_VERTICES:
+            raise InputError(
+                f"{self._file.path}: node {number} has {count} instances of {len(mesh.vertices)} vertices, too many"
+            )
+        placed = [transformed(mesh, Y_UP_TO_Z_UP @ world @ matrix) for matrix in instances]
+        if not placed:
+            return replace(mesh, faces=mesh.faces[:0])
         return Mesh(
-            vertices=self._attribute("POSITION", self._content["vertices"]),
-            faces=np.asarray(self._content["faces"], dtype=np.int32),
-            normals=None if normals is None else self._attribute("NORMAL", normals),
+            vertices=np.concatenate([m.vertices for m in placed]),
+            faces=np.concatenate([m.faces + i * len(mesh.vertices) for i, m in enumerate(placed)]).astype(np.int32),
+            normals=None
+            if mesh.normals is None
+            else np.concatenate([m.normals for m in placed if m.normals is not None]),
         )
 
-    def part(self, materials: GltfMaterials, to_world: NDArray[np.float64]) -> MeshPart:
-        """The primitive with its material, placed."""
-        index = self._description.get("material")
-        mesh = replace(
-            transformed(self.mesh(), to_world),
-            texture_coordinates=self._texture_coordinates(materials.texture_coordinate_set(index)),
-            colors=self._colors(materials.base_color_factor(index)[:3]),
-        )
-        has_uv, has_colors = mesh.texture_coordinates is not None, mesh.colors is not None
+    def _part(self, primitive: GltfPrimitive, mesh: Mesh, count: int) -> MeshPart:
+        """A placed primitive with its texture coordinates, colours and material.
+
+        Args:
+            primitive: where these come from.
+            mesh: the placed one, with as many vertices or a multiple of them.
+            count: how many vertices the primitive has.
+        """
+        times = len(mesh.vertices) // max(count, 1)
+        index, materials = primitive.description.material, self._materials
+        if materials is None:
+            return MeshPart(replace(mesh, texture_coordinates=_repeated(_texture_coordinates(primitive, 0), times)))
+        uv = _texture_coordinates(primitive, materials.texture_coordinate_set(index))
+        colors = self._colors(primitive, materials.base_color_factor(index)[:3], materials.shows_alpha(index))
+        mesh = replace(mesh, texture_coordinates=_repeated(uv, times), colors=_repeated(colors, times))
         closed = materials.transmits(index) and is_closed(mesh)
-        return MeshPart(mesh, materials.principled(index, has_uv, has_colors, closed))
+        return MeshPart(mesh, materials.principled(index, uv is not None, colors is not None, closed))
 
-    def _texture_coordinates(self, number: int) -> NDArray[np.float32] | None:
-        """A set of texture coordinates, v upward, or ``None``."""
-        name = f"TEXCOORD_{number}"
-        values = self._content.get("vertex_attributes", {}).get(f"_{name}")
-        if values is None:
-            return None
-        uv = self._attribute(name, values)
-        return np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1)
-
-    def _colors(self, factor: NDArray[np.float64]) -> NDArray[np.float32] | None:
+    def _colors(
+        self, primitive: GltfPrimitive, factor: NDArray[np.float64], with_alpha: bool
+    ) -> NDArray[np.float32] | None:
         """Vertex colours times a factor for each channel, or ``None``. Their alpha is left out."""
-        values = self._content.get("vertex_attributes", {}).get("_COLOR_0")
+        values = primitive.attribute("COLOR_0")
         if values is None:
             return None
-        colors = np.clip(self._attribute("COLOR_0", values)[:, :3], 0.0, 1.0)
-        return (colors * factor).astype(np.float32)
+        if with_alpha and values.shape[1] == 4 and (values[:, 3] < 1.0).any():
+            self._note("the alpha of its vertex colours is left out")
+        return np.asarray(np.clip(values[:, :3], 0.0, 1.0) * factor, np.float32)
 
-    def _attribute(self, name: str, values: Any) -> NDArray[np.float32]:
-        """An attribute as floats; normalised integers are what the accessor says they are."""
-        values = np.asarray(values)
-        accessor = self._header["accessors"][self._description["attributes"][name]]
-        if accessor.get("normalized") and np.issubdtype(values.dtype, np.integer):
-            return np.maximum(values / np.float32(np.iinfo(values.dtype).max), -1.0).astype(np.float32)
-        return values.astype(np.float32)
+
+def _mesh(base: Decoded) -> Mesh:
+    return Mesh(
+        vertices=base.positions,
+        faces=base.faces.astype(np.int32),
+        normals=None if base.normals is None else base.normals.astype(np.float32),
+    )
+
+
+def _repeated(values: NDArray[np.float32] | None, times: int) -> NDArray[np.float32] | None:
+    return values if values is None or times == 1 else np.tile(values, (times, 1))
+
+
+def _texture_coordinates(primitive: GltfPrimitive, number: int) -> NDArray[np.float32] | None:
+    """A set of texture coordinates, v upward, or ``None``."""
+    uv = primitive.attribute(f"TEXCOORD_{number}")
+    return None if uv is None else np.stack([uv[:, 0], 1.0 - uv[:, 1]], axis=1).astype(np.float32)

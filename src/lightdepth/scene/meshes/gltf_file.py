@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import base64
-import io
+import binascii
 import json
 import struct
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from lightdepth.errors import InputError
+from lightdepth.files import is_file
+from lightdepth.images.radiance import READERS
 from lightdepth.scene.materials.image import eight_bit
+from lightdepth.scene.meshes.gltf_basisu import KTX2_MAGIC, decoded_ktx2
+from lightdepth.scene.meshes.gltf_extensions import unsupported_extensions
+from lightdepth.scene.meshes.gltf_meshopt import decompressed
+from lightdepth.scene.meshes.gltf_schema import Header, checked_header
 
 _GLB_MAGIC, _GLB_JSON, _GLB_BINARY = b"glTF", b"JSON", b"BIN\0"
-UNDECODABLE = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu", "EXT_mesh_gpu_instancing")
-"""Extensions that change how geometry and images are stored; a file that requires one cannot be read."""
+Entry = TypeVar("Entry")
 
 
 class GltfFile:
@@ -34,76 +39,150 @@ class GltfFile:
         """Open a file.
 
         Raises:
-            InputError: it is not glTF 2.0, or needs an extension that is not supported.
+            InputError: it is not glTF 2.0, is damaged, or needs an extension that is not supported.
         """
         self.path = path
         content = path.read_bytes()
-        self._binary = b""
+        self._binary: bytes | None = None
         self._buffers: dict[int, bytes] = {}
+        self._views: dict[int, bytes] = {}
         self._images: dict[int, NDArray[np.uint8]] = {}
         if content[:4] == _GLB_MAGIC:
             content = self._take_chunks(content)
-        try:
-            self.header: dict[str, Any] = json.loads(content)
-        except (UnicodeDecodeError, json.JSONDecodeError) as error:
-            raise InputError(f"{path}: not a readable glTF file ({error})") from error
-        version = str(self.header.get("asset", {}).get("version", "unknown"))
-        if not version.startswith("2."):
-            raise InputError(f"{path}: is glTF of version {version}; 2.0 is needed")
-        if missing := [name for name in self.header.get("extensionsRequired", []) if name in UNDECODABLE]:
+        self.header: Header = self._read_header(content)
+        if not self.header.asset.version.startswith("2."):
+            raise InputError(f"{path}: is glTF of version {self.header.asset.version[:20]}; 2.0 is needed")
+        if missing := unsupported_extensions(self.header.extensions_required):
             raise InputError(
-                f"{path}: needs {', '.join(missing)}, which is not supported; export it without compression and with "
-                ".png or .jpg images"
+                f"{path}: needs the extension{'s' if len(missing) > 1 else ''} {', '.join(missing)[:200]}, which "
+                "lightdepth does not support; export it without"
             )
+
+    def _read_header(self, content: bytes) -> Header:
+        try:
+            document = json.loads(content.decode("utf-8-sig"))
+        except UnicodeDecodeError as error:
+            raise InputError(f"{self.path}: not a readable glTF file: it is no UTF-8 text") from error
+        except json.JSONDecodeError as error:
+            raise InputError(
+                f"{self.path}: not a readable glTF file: no valid JSON at line {error.lineno}, column {error.colno}"
+            ) from error
+        except (RecursionError, ValueError) as error:
+            raise InputError(
+                f"{self.path}: not a readable glTF file: its JSON is nested or its numbers are too deep"
+            ) from error
+        if isinstance(document, dict) and isinstance(document.get("asset"), dict):
+            document["asset"]["version"] = str(document["asset"].get("version", "unknown"))[:20]
+        try:
+            return checked_header(document)
+        except ValueError as error:
+            raise InputError(f"{self.path}: not a readable glTF file: {error}") from error
+        except RecursionError as error:
+            raise InputError(f"{self.path}: not a readable glTF file: its JSON is nested too deeply") from error
 
     def _take_chunks(self, content: bytes) -> bytes:
         """Split a .glb file; keeps the binary chunk and returns the JSON."""
+        if len(content) >= 8 and (version := struct.unpack_from("<I", content, 4)[0]) != 2:
+            raise InputError(f"{self.path}: is glTF of version {version}; 2.0 is needed")
         text, offset = b"", 12
         while offset + 8 <= len(content):
             length, kind = struct.unpack_from("<I4s", content, offset)
             chunk = content[offset + 8 : offset + 8 + length]
             if len(chunk) < length:
                 raise InputError(f"{self.path}: the file is cut off ({len(content)} bytes)")
-            if kind == _GLB_JSON:
+            if kind == _GLB_JSON and not text:
                 text = chunk
-            elif kind == _GLB_BINARY:
+            elif kind == _GLB_BINARY and self._binary is None:
                 self._binary = chunk
             offset += 8 + length
         return text
 
+    def entry(self, entries: Sequence[Entry], index: int, what: str) -> Entry:
+        """An entry of one of the header's lists.
+
+        Raises:
+            InputError: there is none of that number.
+        """
+        if not 0 <= index < len(entries):
+            raise InputError(f"{self.path}: names {what} {index}, but the file has {len(entries)} of them")
+        return entries[index]
+
     def buffer(self, index: int) -> bytes:
         """The bytes of a buffer."""
         if index not in self._buffers:
-            uri = self.header["buffers"][index].get("uri")
-            self._buffers[index] = self._binary if uri is None else self._resource(uri)
+            buffer = self.entry(self.header.buffers, index, "buffer")
+            if buffer.uri is not None:
+                self._buffers[index] = self._resource(buffer.uri)
+            elif index == 0 and self._binary is not None:
+                self._buffers[index] = self._binary
+            else:
+                raise InputError(f"{self.path}: buffer {index} has no data")
         return self._buffers[index]
+
+    def view(self, index: int) -> bytes:
+        """The bytes of a buffer view, decompressed."""
+        if index not in self._views:
+            view = self.entry(self.header.buffer_views, index, "buffer view")
+            packed = view.compression or view
+            content = self.buffer(packed.buffer)
+            end = packed.byte_offset + packed.byte_length
+            if end > len(content):
+                raise InputError(
+                    f"{self.path}: buffer view {index} ends at byte {end} of buffer {packed.buffer}, which has "
+                    f"{len(content)}; the file is cut off or damaged"
+                )
+            data = content[packed.byte_offset : end]
+            if view.compression is not None:
+                try:
+                    data = decompressed(data, view.compression)
+                except ValueError as error:
+                    raise InputError(f"{self.path}: buffer view {index}: {error}") from error
+            self._views[index] = data
+        return self._views[index]
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """The pixels of an image, shape (height, width, 4), uint8, row 0 at the top."""
         if index not in self._images:
-            self._images[index] = self._decoded(index)
+            entry = self.entry(self.header.images, index, "image")
+            if entry.buffer_view is not None:
+                data = self.view(entry.buffer_view)
+            elif entry.uri is not None:
+                data = self._resource(entry.uri)
+            else:
+                raise InputError(f"{self.path}: image {index} has no data")
+            try:
+                found = decoded_ktx2(data) if data.startswith(KTX2_MAGIC) else eight_bit(data, "RGBA")
+            except ValueError as error:
+                uri = "" if entry.uri is None or entry.uri.startswith("data:") else entry.uri
+                name = (entry.name or uri)[:60]
+                raise InputError(f"{self.path}: image {index} ({name}) cannot be read: {error}") from error
+            self._images[index] = found
         return self._images[index]
 
-    def _decoded(self, index: int) -> NDArray[np.uint8]:
-        entry = self.header["images"][index]
-        if "bufferView" in entry:
-            view = self.header["bufferViews"][entry["bufferView"]]
-            start = view.get("byteOffset", 0)
-            data = self.buffer(view["buffer"])[start : start + view["byteLength"]]
-        else:
-            data = self._resource(entry["uri"])
-        try:
-            with Image.open(io.BytesIO(data)) as image:
-                return eight_bit(image, "RGBA")
-        except (OSError, SyntaxError, Image.DecompressionBombError) as error:
-            name = entry.get("name", entry.get("uri", ""))[:60]
-            raise InputError(f"{self.path}: image {index} ({name}) cannot be read ({error})") from error
+    def radiance_file(self, index: int) -> Path | None:
+        """The file of an image of high dynamic range (.exr or .hdr beside this one), which glTF does not provide.
+
+        Raises:
+            InputError: it is missing.
+        """
+        uri = unquote(self.entry(self.header.images, index, "image").uri or "")
+        if uri.startswith("data:") or Path(uri).suffix.lower() not in READERS:
+            return None
+        file = self.path.parent / uri
+        if not is_file(file):
+            raise InputError(f"{self.path}: names the file {uri[:100]}, which does not exist in its folder")
+        return file
 
     def _resource(self, uri: str) -> bytes:
         """The bytes behind a URI: of the file itself (``data:``), or of a file beside it."""
         if uri.startswith("data:"):
-            return base64.b64decode(uri.partition(",")[2])
-        file = self.path.parent / unquote(uri)
-        if not file.is_file():
-            raise InputError(f"{self.path}: names the file {unquote(uri)}, which does not exist in its folder")
-        return file.read_bytes()
+            try:
+                return base64.b64decode(unquote(uri.partition(",")[2]))
+            except (binascii.Error, ValueError) as error:
+                raise InputError(f"{self.path}: data in the file itself is no valid base64") from error
+        name = unquote(uri)
+        for candidate in (name, uri):
+            file = self.path.parent / candidate
+            if is_file(file):
+                return file.read_bytes()
+        raise InputError(f"{self.path}: names the file {name[:200]}, which does not exist in its folder")

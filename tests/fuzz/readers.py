@@ -1,0 +1,63 @@
+"""What reads a mutant, and what its messages may not say."""
+
+import re
+from pathlib import Path
+
+from lightdepth.errors import InputError
+from lightdepth.images.radiance import read_radiance
+from lightdepth.reconstruction.depth_image import read_depth_image
+from lightdepth.reconstruction.point_cloud import read_points
+from lightdepth.scene.load import read_scene
+from lightdepth.scene.materials.image import Content, read_texture
+from lightdepth.scene.meshes import read_mesh_file
+from lightdepth.toml_file import read_document
+
+
+def _mesh(path):
+    notes = []
+    read_mesh_file(path, with_materials=True, note=notes.append)
+    return notes
+
+
+def _texture(path):
+    try:
+        read_texture(path, Content.COLOUR)
+    except ValueError as error:  # Its callers make it an `InputError` of the scene file.
+        raise InputError(str(error)) from error
+
+
+def _depth(path):
+    read_depth_image(path, scale=0.001 if path.suffix == ".png" else None)
+
+
+def _scene(path):
+    contents = read_scene(path)
+    return [*contents.problems, *(contents.scene.notes if contents.scene is not None else ())]
+
+
+READERS = {
+    "mesh": _mesh,
+    "material": lambda path: _mesh(Path(path).with_name("a.obj")),
+    "image": lambda path: read_radiance(path),
+    "texture": _texture,
+    "depth": _depth,
+    "points": lambda path: read_points(path),
+    "scene": _scene,
+    "document": lambda path: read_document(path),
+}
+
+RAW = re.compile(
+    r"\b[A-Z]\w*(Error|Exception|Warning)\b|Traceback|<class|object has no attribute|NoneType|out of range for|"
+    r"list index|could not convert|invalid literal|cannot reshape|broadcast|not subscriptable|\[Errno|codec can't|"
+    r"unpack requires|buffer is smaller|buffer size must|maximum recursion|dtype\(|\bnp\.|numpy|positional argument|"
+    r"not supported between|unhashable|Expecting value|incorrect padding"
+)
+"""Words of Python and of packages, which mean nothing to a user."""
+
+
+def raw_words(message, content):
+    """Such words in a message, unless the file itself has them."""
+    found = RAW.search(message)
+    if found is None or found.group(0).encode() in content:
+        return None
+    return found.group(0)

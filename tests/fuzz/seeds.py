@@ -1,0 +1,155 @@
+"""Sound files of every format, small, and what reads them."""
+
+import io
+import json
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from lightdepth.images.exr import ExrPart, write_exr
+from lightdepth.images.radiance import write_radiance
+from tests.scene.gltf_writer import gltf_document, with_draco, with_meshopt
+
+FAULTS = Path(__file__).parents[1] / "faults"
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A file.
+
+    Attributes:
+        name: of the seed.
+        kind: what reads it, one of `readers.READERS`.
+        file: what it is called.
+        content: its bytes.
+        beside: files that it names, by name.
+    """
+
+    name: str
+    kind: str
+    file: str
+    content: bytes
+    beside: dict = field(default_factory=dict)
+
+
+def seeds():
+    """All seeds."""
+    return [*_meshes(), *_images(), *_depths(), *_points(), *_scenes()]
+
+
+MESHES = [
+    "x1-quads/quads_uv.obj", "x1-quads/two_materials.obj", "19-vcolor/float.obj", "20-relative/blocks.obj",
+    "x9-blender-exports/cube.obj", "04-concave/notch.obj", "31-names/mat_cp1252.obj",
+    "08-mixed/quad_tri_little.ply", "x9-blender-exports/sphere.ply", "18-colour/float.ply", "18-colour/ushort_wrap.ply",
+    "18-colour/wedge.ply", "x7-stl/tail.stl", "09-specgloss/factor.gltf", "10-sparse/over.gltf", "16-skin/joint_scale.gltf",
+    "17-instancing/used.gltf", "11-required/visibility_required.gltf", "21-texture/KHR_texture_basisu_no_fallback.gltf",
+    "30-default/unlit.gltf", "x9-blender-exports/cube.glb",
+]  # fmt: skip
+
+
+def _meshes():
+    for name in MESHES:
+        path = FAULTS / name
+        beside = {p.name: p.read_bytes() for p in path.parent.iterdir() if p.suffix in (".mtl", ".png")}
+        yield Seed(name, "mesh", "mutant" + path.suffix, path.read_bytes(), beside)
+    obj = b"mtllib mutant.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
+    mtl = (
+        b"newmtl m\nKd 0.8 0.1 0.1\nKs 0.5 0.5 0.5\nNs 100\nd 0.5\nTr 0.5\nKe 0 1 0\nPr 0.5\nPm 0.5\n"
+        b"map_Kd -s 1 2 1 -o 0.5 0 0 -mm 0 1 -clamp on t.png\nmap_d t.png\nmap_Bump -bm 0.5 t.png\n"
+    )
+    yield Seed("mtl", "material", "mutant.mtl", mtl, {"a.obj": obj, "t.png": _encoded("PNG", np.full((4, 4, 4), 99))})
+    facet = b"facet normal 0 0 1\n outer loop\n  vertex 0 0 0\n  vertex 1 0 0\n  vertex 0 1 0\n endloop\nendfacet\n"
+    for name, make in (("draco", with_draco), ("meshopt", with_meshopt), ("ktx2", _with_ktx2)):
+        yield Seed(f"{name} gltf", "mesh", "mutant.gltf", json.dumps(make()).encode())
+    yield Seed("ascii stl", "mesh", "mutant.stl", b"solid a\n" + facet * 2 + b"endsolid a\n")
+    strips = b"".join(np.array(v, ">i4").tobytes() for v in ([5, 0, 1, 2, -1, 2],))
+    head = (
+        b"ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty double x\nproperty float y\nproperty short z\n"
+    )
+    head += b"element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    rows = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [("x", ">f8"), ("y", ">f4"), ("z", ">i2")])
+    yield Seed("big-endian ply", "mesh", "mutant.ply", head + rows.tobytes() + strips)
+
+
+def _with_ktx2():
+    """A textured quad."""
+    data = (Path(__file__).parents[1] / "scene/data/quadrants_etc1s.ktx2").read_bytes()
+    document = gltf_document(material={"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}, images=[data])
+    document["textures"] = [{"extensions": {"KHR_texture_basisu": {"source": 0}}}]
+    # In a buffer, where its bytes are damaged as well.
+    document["buffers"].append({"byteLength": len(data), "uri": document["images"][0]["uri"]})
+    document["bufferViews"].append({"buffer": 1, "byteLength": len(data)})
+    document["images"] = [{"bufferView": len(document["bufferViews"]) - 1, "mimeType": "image/ktx2"}]
+    return document
+
+
+def _encoded(kind, pixels, dtype=np.uint8):
+    stream = io.BytesIO()
+    Image.fromarray(np.asarray(pixels).astype(dtype)).save(stream, kind)
+    return stream.getvalue()
+
+
+def _written(name, write):
+    with tempfile.TemporaryDirectory() as folder:
+        write(Path(folder) / name)
+        return (Path(folder) / name).read_bytes()
+
+
+def _images():
+    radiance = np.linspace(0.0, 4.0, 8 * 16 * 3, dtype=np.float32).reshape(8, 16, 3)
+    for suffix in (".exr", ".hdr"):
+        yield Seed(
+            f"image{suffix}", "image", f"mutant{suffix}",
+            _written(f"a{suffix}", lambda path: write_radiance(path, radiance)),
+        )  # fmt: skip
+    yield Seed("texture.png", "texture", "mutant.png", _encoded("PNG", np.arange(256).reshape(16, 16)))
+    yield Seed("texture 16.png", "texture", "mutant.png", _encoded("PNG", np.arange(256).reshape(16, 16), np.uint16))
+    yield Seed("texture.jpg", "texture", "mutant.jpg", _encoded("JPEG", np.arange(256).reshape(16, 16)))
+    yield Seed("texture.tif", "texture", "mutant.tif", _encoded("TIFF", np.arange(256).reshape(16, 16)))
+
+
+def _depths():
+    depth = np.linspace(1.0, 4.0, 8 * 16, dtype=np.float32).reshape(8, 16)
+    yield Seed("depth.exr", "depth", "mutant.exr", _written("a.exr", lambda p: write_exr(p, [ExrPart({"Z": depth})])))
+    yield Seed("depth.npy", "depth", "mutant.npy", _written("a.npy", lambda path: np.save(path, depth)))
+    yield Seed("depth.png", "depth", "mutant.png", _encoded("PNG", depth * 1000, np.uint16))
+
+
+def _points():
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (120, 3))
+    text = "\n".join(" ".join(f"{v:.4f}" for v in row) for row in points)
+    yield Seed("points.xyz", "points", "mutant.xyz", text.encode())
+    yield Seed("points.csv", "points", "mutant.csv", ("x,y,z\n" + text.replace(" ", ",")).encode())
+    yield Seed("points.pts", "points", "mutant.pts", (f"{len(points)}\n" + text).encode())
+    head = (
+        f"ply\nformat ascii 1.0\nelement vertex {len(points)}\nproperty float x\nproperty float y\nproperty float z\n"
+    )
+    yield Seed("points.ply", "points", "mutant.ply", (head + "end_header\n" + text + "\n").encode())
+    try:
+        import laspy
+    except ImportError:
+        return
+    cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
+    cloud.x, cloud.y, cloud.z = points.T
+    yield Seed("points.las", "points", "mutant.las", _written("a.las", lambda path: cloud.write(path)))
+
+
+def _scenes():
+    text = (
+        '[panorama]\nimage = "p.exr"\nposition = [0, 0, 1.5]\nrotation = [0.0, 0.0, 12.5]\nscale = 1.0\n'
+        '[[real]]\nname = "floor"\nmesh = "f.ply"\nrole = "support"\ngloss = { roughness = 0.2, specular = 0.5 }\n'
+        '[[synthetic]]\nname = "ball"\nshape = "sphere"\ncenter = [0, 2, 0.4]\nradius = 0.4\n'
+        'material = { type = "principled", base_color = [0.8, 0.2, 0.2], roughness = 0.4 }\n'
+        '[[synthetic]]\nname = "a"\nmesh = "f.ply"\nscale = [1, 2, 3]\nmaterial = { type = "metal", name = "Ag" }\n'
+        '[[synthetic]]\nname = "b"\nshape = "cube"\nmaterial = { mitsuba = { type = "diffuse" } }\n'
+        '[camera.view]\ntype = "perspective"\nwidth = 32\nheight = 16\nfov = 60\nlook_at = [0.3, 1.5, 0.5]\n'
+        '[camera.dome]\ntype = "fisheye"\nwidth = 16\nmapping = "equisolid"\n[render]\nsamples = 4\nnoise = 0.02\n'
+    )
+    picture = np.full((4, 8, 3), 0.5, np.float32)
+    floor = (FAULTS / "18-colour/float.ply").read_bytes()
+    beside = {"p.exr": _written("p.exr", lambda path: write_radiance(path, picture)), "f.ply": floor}
+    yield Seed("scene.toml", "scene", "mutant.toml", text.encode(), beside)
+    yield Seed("changed.toml", "document", "mutant.toml", text.encode())
