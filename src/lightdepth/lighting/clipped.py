@@ -78,7 +78,8 @@ def recover_clipped(
     Args:
         scene: the place.
         pairs: ``"x,y x,y"``: a place lit by the source and one of the same material in its shadow, in pixels.
-        grey: ``"x,y albedo"``: a place whose albedo is known, such as a grey card, lit by the source.
+        grey: ``"x,y albedo"`` or ``"x,y red green blue"``: a place whose albedo is known, such as a grey card, lit by the
+            source.
         diameter: of the sun's disc, degrees; its radiance is limited to it where the sky around it clipped too.
 
     Returns:
@@ -87,6 +88,7 @@ def recover_clipped(
     Raises:
         InputError: clicks that are none, lie beside the surfaces, or contradict each other; no real surfaces.
     """
+    scene = replace(scene, panorama=replace(scene.panorama, unclipped=None))
     view = PanoramaView(scene)
     size = scene.panorama.radiance.shape[:2]
     height, width = size
@@ -112,7 +114,7 @@ def _recovered(
     view: PanoramaView,
     plateau: Plateau,
     pairs: Sequence[Pair],
-    grey: Sequence[tuple[FloatArray, float]],
+    grey: Sequence[tuple[FloatArray, FloatArray]],
     diameter: float,
 ) -> RecoveredSource:
     explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
@@ -207,7 +209,7 @@ def _from_pairs(
 def _from_grey(
     view: PanoramaView,
     explained: ExplainedLight,
-    grey: Sequence[tuple[FloatArray, float]],
+    grey: Sequence[tuple[FloatArray, FloatArray]],
     direction: FloatArray,
     now: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
@@ -219,7 +221,7 @@ def _from_grey(
     if np.any(cosine <= 0.05):
         raise InputError("--grey: the surface faces away from the clipped source")
     light = explained.irradiance(seen.point, seen.normal, SAMPLES)
-    values = (np.pi * _around(view, places) / albedo[:, None] - light) / cosine[:, None]
+    values = (np.pi * _around(view, places) / albedo - light) / cosine[:, None]
     if np.any(np.median(values, axis=0) < -0.1 * now):
         raise InputError(
             "--grey: with this albedo the place is darker than the panorama's own light makes it; the albedo is too large, "
@@ -274,14 +276,17 @@ def _read_pair(text: str, size: tuple[int, int], view: PanoramaView) -> Pair:
     return Pair(lit, shaded)
 
 
-def _read_grey(text: str, size: tuple[int, int], view: PanoramaView) -> tuple[FloatArray, float]:
-    words = text.rsplit(maxsplit=1)
+def _read_grey(text: str, size: tuple[int, int], view: PanoramaView) -> tuple[FloatArray, FloatArray]:
+    words = text.split()
     try:
-        albedo = float(words[1])
-    except (IndexError, ValueError):
-        raise InputError(f"--grey: '{text}': write a place and its albedo as \"x,y albedo\"") from None
-    if not 0.01 <= albedo <= 1.0:
-        raise InputError(f"--grey: the albedo {albedo:g} is not between 0.01 and 1")
+        albedo = np.array([float(word) for word in words[1:]])
+    except ValueError:
+        albedo = np.zeros(0)
+    if len(albedo) not in (1, 3):
+        raise InputError(f'--grey: \'{text}\': write a place and its albedo as "x,y albedo" or "x,y red green blue"')
+    if not np.all((albedo >= 0.01) & (albedo <= 1.0)):
+        raise InputError(f"--grey: '{text}': the albedo is not between 0.01 and 1")
+    albedo = np.broadcast_to(albedo, 3)
     return _places(read_clicks(words[0], size, "--grey", 1), view, "--grey")[0], albedo
 
 

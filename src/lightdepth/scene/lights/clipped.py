@@ -1,15 +1,21 @@
-"""A source of light that the panorama clipped: what it really sends, for everything but the picture."""
+"""``[[light]]`` with ``type = "clipped"``: a source that the panorama clipped, and what it really sends.
+
+It gives this light to surfaces, reflections and objects; the plate stays as the panorama has it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 from scipy import ndimage
 
 from lightdepth.directions import latlong_to_direction, pixel_solid_angles
 from lightdepth.errors import InputError
+from lightdepth.scene.values import Name, Number, Table
 
 SAME = 0.98
 """Share of the radiance at the source's pixel from which on its neighbours belong to the plateau."""
@@ -17,7 +23,29 @@ PARTS = 8
 """Each way, into which a pixel is cut to see how much of it a disc covers."""
 
 
-@dataclass(frozen=True)
+Coordinate = Annotated[Number, Field(ge=0.0)]
+
+
+class ClippedTable(Table):
+    """A clipped source.
+
+    ``pixel`` is a place in it in the panorama, x to the right and y down; ``radiance`` what it really has, in the
+    panorama's unit with its ``scale`` applied. All that is joined to the pixel and as bright gets it, or, with ``diameter``
+    (degrees), a disc around it.
+    """
+
+    type: Literal["clipped"]
+    name: Name = "clipped"
+    pixel: tuple[Coordinate, Coordinate]
+    radiance: tuple[Coordinate, Coordinate, Coordinate]
+    diameter: Number | None = Field(default=None, gt=0.0, le=30.0)
+
+    def source(self) -> ClippedSource:
+        """The source as plain data."""
+        return ClippedSource(self.pixel, np.array(self.radiance), self.diameter, self.name)
+
+
+@dataclass(frozen=True, eq=False)
 class ClippedSource:
     """Where a clipped source is in the panorama, and its radiance.
 
@@ -26,11 +54,13 @@ class ClippedSource:
         radiance: of the source, linear RGB, in the panorama's unit with its scale applied, shape (3,), float64.
         diameter: degrees of a disc around ``pixel`` to which the source is limited, such as the sun in a sky that
             clipped too; ``None`` means the whole plateau.
+        name: for messages.
     """
 
     pixel: tuple[float, float]
     radiance: NDArray[np.float64]
     diameter: float | None = None
+    name: str = "clipped"
 
 
 def unclipped(radiance: NDArray[np.float32], source: ClippedSource) -> NDArray[np.float32]:
@@ -61,7 +91,9 @@ def covered(radiance: NDArray[np.float32], source: ClippedSource) -> NDArray[np.
     height, width = radiance.shape[:2]
     x, y = source.pixel
     if not (0.0 <= x < width and 0.0 <= y < height):
-        raise InputError(f"the clipped source's pixel {x:g},{y:g} is not on the panorama of {width} x {height} pixels")
+        raise InputError(
+            f"light '{source.name}': its pixel {x:g},{y:g} is not on the panorama of {width} x {height} pixels"
+        )
     if source.diameter is not None:
         return _disc(height, width, x, y, source.diameter)
     return plateau(radiance, int(x), int(y)).astype(np.float64)
