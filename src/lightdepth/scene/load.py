@@ -16,7 +16,8 @@ from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.scene.depth import read_depth
-from lightdepth.scene.lights import SunTable
+from lightdepth.scene.lights import ClippedTable, SunTable
+from lightdepth.scene.lights.clipped import unclipped
 from lightdepth.scene.materials import Principled, Texture
 from lightdepth.scene.meshes import MeshPart, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
@@ -94,12 +95,16 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     for number, surface in enumerate(tables.real):
         with problems.noting(("real", number)):
             real += [] if surface is None else [_real_surface(surface)]
+    pose = tables.pose or CapturePose()
+    panorama = _panorama(pose, tables.picture, repair, problems)
     lights: list[SunLight] = []
     for number, light in enumerate(tables.lights):
         with problems.noting(("light", number)):
-            lights += [] if light is None else [_sun(light)]
-    pose = tables.pose or CapturePose()
-    panorama = _panorama(pose, tables.picture, repair, problems)
+            if isinstance(light, ClippedTable) and panorama.radiance.size:
+                light_map = unclipped(panorama.light_radiance, light.source())
+                panorama = replace(panorama, unclipped=light_map)
+            elif isinstance(light, SunTable):
+                lights.append(_sun(light))
     synthetic: list[SyntheticObject] = []
     for number, thing in enumerate(tables.synthetic):
         with problems.noting(("synthetic", number)):
