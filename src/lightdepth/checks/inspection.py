@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import OrderedDict
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from lightdepth.checks.cameras import camera_problems
 from lightdepth.checks.capture_point import capture_point_problems
 from lightdepth.checks.coverage import Coverage, hole_problems, measure_coverage
 from lightdepth.checks.gloss import gloss_problems
@@ -14,9 +16,10 @@ from lightdepth.checks.objects import object_problems, standing_problems
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
+from lightdepth.checks.size import size_problems
 from lightdepth.checks.support import support_problems
 from lightdepth.checks.view import CaptureView, look_around
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, InputWarning
 from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.load import read_scene
 from lightdepth.scene.model import Scene
@@ -47,14 +50,18 @@ def inspect_file(path: Path) -> Inspection:
         SetupError: rays cannot be cast, for libLLVM is missing.
     """
     try:
-        contents = read_scene(path)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", InputWarning)
+            contents = read_scene(path)
     except InputError as error:
         return Inspection((Problem(Severity.ERROR, str(error)),), None)
-    unreadable = tuple(Problem(Severity.ERROR, message) for message in contents.problems)
+    said = dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, InputWarning))
+    unapplied = [Problem(Severity.WARNING, message) for message in said]
+    unreadable = [Problem(Severity.ERROR, message) for message in contents.problems]
     if contents.scene is None:
-        return Inspection(unreadable, None)
+        return Inspection((*unreadable, *unapplied), None)
     found = _inspect(contents.scene, contents.unread)
-    return Inspection((*unreadable, *found.problems), found.coverage)
+    return Inspection(_worst_first([*unreadable, *unapplied, *found.problems]), found.coverage)
 
 
 def find_problems(scene: Scene, hints: bool = True) -> list[Problem]:
@@ -143,7 +150,7 @@ def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
 def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
     checked = _checked_place(scene, unread)
-    problems = [*(Problem(Severity.WARNING, message) for message in scene.notes), *checked.radiance]
+    problems = [*checked.radiance, *size_problems(scene.synthetic)]
     if checked.view is None:
         return Inspection(tuple(problems), None)
     misplaced: list[Problem] = []
@@ -156,7 +163,12 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
         problems += checked.others
         if scene.real:
             problems += object_problems(scene.synthetic, checked.view, checked.objects)
+            problems += camera_problems(scene, checked.view)
         if scene.real and hints:
             problems += standing_problems(scene.synthetic, checked.view)
+    return Inspection(_worst_first(problems), checked.coverage)
+
+
+def _worst_first(problems: list[Problem]) -> tuple[Problem, ...]:
     order = list(Severity)
-    return Inspection(tuple(sorted(problems, key=lambda problem: order.index(problem.severity))), checked.coverage)
+    return tuple(sorted(problems, key=lambda problem: order.index(problem.severity)))

@@ -65,7 +65,7 @@ def standing_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> 
     others = RayCaster(meshes)
     for number, (thing, mesh) in enumerate(zip(objects, meshes, strict=True)):
         points, _ = surface_points(mesh.vertices, mesh.faces, POINTS)
-        if len(points) and _out_of_sight(points, view, _is_lamp(thing)) is None:
+        if len(points) and _out_of_sight(points, view, is_lamp(thing)) is None:
             problems += _named(thing, _standing(mesh, number, others, view))
     return problems
 
@@ -75,14 +75,15 @@ def _problems_of(thing: SyntheticObject, view: CaptureView) -> list[Problem]:
     points, normals = surface_points(mesh.vertices, mesh.faces, POINTS)
     if not len(points):
         return []
-    return _named(thing, _out_of_sight(points, view, _is_lamp(thing)) or _coinciding(points, normals, view))
+    return _named(thing, _out_of_sight(points, view, is_lamp(thing)) or _coinciding(points, normals, view))
 
 
 def _named(thing: SyntheticObject, problem: Problem | None) -> list[Problem]:
     return [] if problem is None else [Problem(problem.severity, f'[[synthetic]] "{thing.name}": {problem.message}')]
 
 
-def _is_lamp(thing: SyntheticObject) -> bool:
+def is_lamp(thing: SyntheticObject) -> bool:
+    """Whether an object gives light."""
     return any("emitter" in part.material.plugins() for part in thing.parts)
 
 

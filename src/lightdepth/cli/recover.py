@@ -111,6 +111,103 @@ def sun(
     _report_sun(found, values, as_json)
 
 
+@app.command()
+def clipped(
+    scene: Scene,
+    pair: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--pair",
+            metavar='"X,Y X,Y"',
+            help="A place in the source's light and one of the same material in its shadow, in pixels. Repeatable.",
+        ),
+    ] = None,
+    grey: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--grey",
+            metavar='"X,Y ALBEDO"',
+            help="A place in the source's light whose albedo is known (one number or three), such as a grey card. "
+            "Repeatable.",
+        ),
+    ] = None,
+    diameter: Annotated[float, typer.Option(min=0.01, max=10.0, help="Of the sun's disc, degrees.")] = 0.53,
+    write: Write = False,
+    as_json: Json = False,
+) -> None:
+    """Lamps and suns that the panorama clipped: what they really send, from what they light.
+
+    A sun is recovered from both sides of the shadows that the modelled place throws, a lamp from how its light falls off
+    over surfaces of one material; or either from clicks. What the photograph does not tell is left as it is, with bounds.
+    The panorama's file and the plate stay.
+
+    Example: lightdepth recover clipped court.toml --write
+    """
+    import json
+
+    from rich.console import Console
+
+    from lightdepth.lighting.clipped import recover_clipped
+    from lightdepth.lighting.scene_file import write_light
+    from lightdepth.scene.load import load_scene
+
+    found = recover_clipped(load_scene(scene), pair or [], grey or [], diameter)
+    tables: list[dict[str, Any]] = []
+    for number, each in enumerate(found, start=1):
+        values: dict[str, Any] | None = None
+        if each.source is not None:
+            values = {
+                "type": "clipped",
+                "pixel": [round(x, 2) for x in each.source.pixel],
+                "radiance": [float(f"{value:.5g}") for value in each.source.radiance],
+                "diameter": each.source.diameter,
+            }
+            if write:
+                write_light(scene, f"clipped {number}", values)
+        tables.append(
+            {
+                "light": values,
+                "pixel": [round(x, 1) for x in each.plateau.pixel],
+                "method": each.method,
+                "confidence": each.confidence,
+                **{name: _rounded(getattr(each, name)) for name in ("irradiance", "clipped_irradiance", "low", "high")},
+                "uncertainty": _rounded(each.uncertainty),
+            }
+        )
+    if as_json:
+        typer.echo(json.dumps({"sources": tables}, indent=2))
+        return
+    console = Console(soft_wrap=True, highlight=False)
+    if not tables:
+        console.print("nothing in this panorama was clipped, as far as can be seen", markup=False)
+    for number, table in enumerate(tables, start=1):
+        gains = [
+            a / b if a and b else 1.0 for a, b in zip(table["irradiance"], table["clipped_irradiance"], strict=True)
+        ]
+        console.print(
+            f"{number}: at pixel {table['pixel'][0]:g},{table['pixel'][1]:g}: "
+            + (
+                f"{', '.join(f'{gain:.3g}' for gain in gains)} times its clipped light ({table['method']}, "
+                f"confidence {table['confidence']})"
+                if table["light"]
+                else "how strong it is, the photograph does not tell (give --pair or --grey)"
+            ),
+            markup=False,
+        )
+        console.print(
+            f"   irradiance of a surface that faces it: {table['irradiance']}; between {table['low']} and {table['high']} "
+            "for matte surfaces to have albedos from 0.03 to 0.95",
+            markup=False,
+        )
+
+
+def _rounded(values: Any) -> list[float | None]:
+    """Four digits; ``None`` for what JSON has no number for."""
+    import math
+
+    return [float(f"{value:.4g}") if math.isfinite(value) else None for value in values]
+
+
 def _sun_values(found: RecoveredSun) -> dict[str, Any]:
     """The keys of the ``[[light]]`` table."""
     return {

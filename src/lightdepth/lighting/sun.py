@@ -158,8 +158,7 @@ def _searched(name: str, view: PanoramaView, sunlight: Sunlight, search: SunSear
             f"{name}: the sun seems to stand at azimuth {azimuth:.1f}, elevation {elevation:.1f} degrees, but too few "
             "edges of its patch are seen on one surface to tell its direction and strength"
         )
-    # A fit counts by how much of what it foretells is there.
-    return max(fits, key=lambda pair: pair[1] * len(pair[0].edges.pixel) / max(pair[0].foretold, 1))[0]
+    return max(fits, key=lambda pair: pair[1] * pair[0].quality)[0]
 
 
 def _irradiance(

@@ -33,8 +33,12 @@ FARTHEST = 4.0
 """and heights of a pixel by which they may do so."""
 ON_EDGE = 1.0
 """Heights of a pixel up to which a photographed edge counts as the foretold one."""
+EXACT = 0.3
+"""Heights of a pixel off at which a foretold edge is worth half as much as one in the right place."""
 MOST_EDGES = 4000
 FEWEST_EDGES = 12
+ENOUGH_EDGES = 60
+"""Edges that stand alone, from which on those beside other edges are left out."""
 POLE = 0.06
 """Share of the picture's height at the poles where edges are not used."""
 
@@ -84,6 +88,11 @@ class Alignment:
     foretold: int
     residual: float
 
+    @property
+    def quality(self) -> float:
+        """How much of what the direction foretells is there, and how exactly; in [0, 1]."""
+        return float(np.sum(1.0 / (1.0 + (self.edges.offset / EXACT) ** 2))) / max(self.foretold, 1)
+
 
 def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alignment | None:
     """Turn a direction until the edges of what it lights fit.
@@ -101,7 +110,7 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
         found = np.isfinite(edges.offset)
         if found.sum() < FEWEST_EDGES:
             return None
-        turn, weight, covariance = _least_squares(edges.moves[found], edges.offset[found])
+        turn, *_ = _least_squares(edges.moves[found], edges.offset[found])
         length = float(np.hypot(*turn))
         turn *= min(1.0, 1.5 / max(length, 1e-12))
         direction = turned(direction, float(turn[0]), float(turn[1]))
@@ -109,13 +118,15 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
     found = np.isfinite(edges.offset)
     if found.sum() < FEWEST_EDGES:
         return None
-    _, weight, covariance = _least_squares(edges.moves[found], edges.offset[found])
+    _, weight, covariance, scale = _least_squares(edges.moves[found], edges.offset[found])
     good = np.asarray(found & (np.abs(np.nan_to_num(edges.offset)) < ON_EDGE))
     good[found] &= weight > 0.0
     if good.sum() < FEWEST_EDGES:
         return None
     residual = float(np.sqrt(np.mean(edges.offset[good] ** 2)))
-    return Alignment(direction, float(np.sqrt(np.trace(covariance))), edges.where(good), len(edges.pixel), residual)
+    # The typical edge may be better than the fit.
+    uncertainty = float(np.sqrt(np.trace(covariance))) * max(1.0, residual / scale)
+    return Alignment(direction, uncertainty, edges.where(good), len(edges.pixel), residual)
 
 
 def foretold_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Edges:
@@ -143,6 +154,9 @@ def foretold_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray
         end = start + np.array([0.0, 1.0] if axis == 0 else [1.0, 0.0])
         pairs.append((start, end, surface[y, x]))
     start, end, of = (np.concatenate([pair[i] for pair in pairs]) for i in range(3))
+    if not len(start):
+        none = np.zeros((0, 2))
+        return Edges(none, none, np.zeros(0, np.int32), none, np.zeros(0), np.zeros(0))
     if len(start) > MOST_EDGES:
         kept = np.linspace(0, len(start) - 1, MOST_EDGES).astype(int)
         start, end, of = start[kept], end[kept], of[kept]
@@ -167,11 +181,15 @@ def foretold_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray
     ).reshape(-1, 2)
     nothing = np.full(len(pixel), np.nan)
     edges = Edges(pixel, toward, of, moves, nothing, nothing)
-    return edges.where(np.asarray(np.isfinite(moves).all(axis=1)))
+    edges = edges.where(np.asarray(np.isfinite(moves).all(axis=1)))
+    alone = _alone(view, sunlight, edges, direction)
+    return edges.where(alone) if alone.sum() >= ENOUGH_EDGES else edges
 
 
 def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     """The edges with where the photograph shows them, if it does within so many heights of a pixel."""
+    if not len(edges.pixel):
+        return edges
     outer = reach + HALF_EDGE + PLATEAU
     offsets = np.arange(-outer, outer + STEP / 2, STEP)
     count = len(edges.pixel)
@@ -217,6 +235,19 @@ def _lit(
     return sunlight.lit(seen.point, seen.normal, direction) & (seen.surface == surface)
 
 
+def _alone(view: PanoramaView, sunlight: Sunlight, edges: Edges, direction: FloatArray) -> NDArray[np.bool_]:
+    """Edges with nothing but light on one side and shade on the other, as far as they are looked at.
+
+    Across a bar of a pixel's width the photograph shows a groove, and no edge where there is one.
+    """
+    alone = np.ones(len(edges.pixel), dtype=bool)
+    for by in (1.5, 3.0, HALF_EDGE + PLATEAU):
+        for sign in (-1.0, 1.0):
+            place = view.moved(edges.pixel, edges.toward_light, sign * by)
+            alone &= _lit(view, sunlight, place, edges.surface, direction) == (sign > 0.0)
+    return alone
+
+
 def _gradient(lit: NDArray[np.bool_], pixel: FloatArray) -> FloatArray:
     """Slope of the blurred picture of what is lit on the picture's sphere (right and down), shape (n, 2)."""
     padded = np.pad(lit.astype(np.float32), ((0, 0), (8, 8)), mode="wrap")
@@ -248,11 +279,11 @@ def _moved(
     return np.where(good, 0.5 * (low + high), np.nan)
 
 
-def _least_squares(moves: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _least_squares(moves: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """The turn that explains the offsets, by least squares that leave outliers out (Tukey's biweight).
 
     Returns:
-        Degrees to the right and up, the weights, and the covariance of the turn.
+        Degrees to the right and up, the weights, the covariance of the turn, and the typical residual.
     """
     weight = np.ones(len(offset))
     turn = np.zeros(2)
@@ -267,4 +298,4 @@ def _least_squares(moves: FloatArray, offset: FloatArray) -> tuple[FloatArray, F
         weight = np.where(np.abs(residual) < 4.0 * scale, (1.0 - (residual / (4.0 * scale)) ** 2) ** 2, 0.0)
     # Neighbouring edges share what is wrong with them: about one in five stands for itself.
     covariance = 5.0 * scale**2 * np.linalg.inv(normal)
-    return turn, weight, covariance
+    return turn, weight, covariance, scale

@@ -80,6 +80,9 @@ def compare_sides(
         direction: toward the sun, unit, world, shape (3,).
         diameter: of its disc, degrees.
     """
+    if not len(edges.pixel):
+        none = np.zeros((0, 2))
+        return EdgePairs(none, none, np.zeros(0, np.int32), np.zeros((0, 3)))
     if len(edges.pixel) > MOST_PAIRS:
         edges = edges.where(
             np.isin(np.arange(len(edges.pixel)), np.linspace(0, len(edges.pixel) - 1, MOST_PAIRS, dtype=int))

@@ -24,6 +24,8 @@ from lightdepth.scene.model import Scene
 FINENESS = 0.8
 """Of the mask's texels, relative to the patch's pixels as the sun sees them."""
 LARGEST = 2048
+MARGIN = 4.0
+"""Texels around what the sun shines through."""
 SAMPLES = 128
 LIGHT_POINTS = 3000
 NEAR = 40
@@ -97,7 +99,14 @@ def recover_mask(scene: Scene, sun: RecoveredSun) -> SunMask:
         raise InputError(
             f"{scene.path or 'scene'}: no mask can be recovered: the surfaces under the patch show no shade beside it"
         )
-    return _projected(points[in_patch[known]], np.clip(transmittance[known], 0.0, 1.0), sun.direction, view)
+    openings = [surface.mesh.vertices for surface in scene.real if surface.opening]
+    return _projected(
+        points[in_patch[known]],
+        np.clip(transmittance[known], 0.0, 1.0),
+        np.concatenate([np.zeros((0, 3)), *openings]),
+        sun.direction,
+        view,
+    )
 
 
 def _within(view: PanoramaView, usable: NDArray[np.intp], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -135,13 +144,19 @@ def _irradiance(explained: ExplainedLight, points: FloatArray, normals: FloatArr
     return np.asarray((weight[..., None] * known[neighbour]).sum(axis=1) / weight.sum(axis=1)[:, None])
 
 
-def _projected(points: FloatArray, transmittance: FloatArray, direction: FloatArray, view: PanoramaView) -> SunMask:
-    """Values at points on a grid across the direction; what lies between and around them takes the nearest."""
+def _projected(
+    points: FloatArray, transmittance: FloatArray, openings: FloatArray, direction: FloatArray, view: PanoramaView
+) -> SunMask:
+    """Values at points on a grid across the direction; what lies between and around them takes the nearest.
+
+    It reaches over all the openings, since nothing passes beyond it.
+    """
     axes = np.stack(sun_axes(direction))
     across = points @ axes.T
     distance = np.linalg.norm(points - view.position, axis=1)
     texel = FINENESS * float(np.median(distance)) * np.pi / view.height
-    low, high = across.min(axis=0) - 2.0 * texel, across.max(axis=0) + 2.0 * texel
+    whole = np.concatenate([across, openings @ axes.T])
+    low, high = whole.min(axis=0) - MARGIN * texel, whole.max(axis=0) + MARGIN * texel
     texel = max(texel, float((high - low).max()) / LARGEST)
     columns, rows = np.maximum(np.ceil((high - low) / texel).astype(int), 2)
     high = low + texel * np.array([columns, rows])

@@ -6,6 +6,7 @@ best with how much brighter surfaces are than the light that the photograph expl
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,10 +55,19 @@ class SunSearch:
         sunlight: where the sun shines.
         explained: the light without it.
         clicks: where the user says the patch is; empty where it is to be found.
+        within: which of some directions, shape (n, 3), are looked at; all by default.
     """
 
-    def __init__(self, view: PanoramaView, sunlight: Sunlight, explained: ExplainedLight, clicks: Clicks) -> None:
+    def __init__(
+        self,
+        view: PanoramaView,
+        sunlight: Sunlight,
+        explained: ExplainedLight,
+        clicks: Clicks,
+        within: Callable[[FloatArray], NDArray[np.bool_]] | None = None,
+    ) -> None:
         self._sunlight = sunlight
+        self._within = within
         self._clicks = clicks
         pixels = _spread(view, FINE_POINTS)
         seen = view.look(pixels)
@@ -97,7 +107,7 @@ class SunSearch:
 
     def _allowed(self, directions: FloatArray) -> NDArray[np.bool_]:
         """Directions that light all the places of which the user says so."""
-        allowed = np.ones(len(directions), dtype=bool)
+        allowed = np.ones(len(directions), dtype=bool) if self._within is None else self._within(directions)
         for point, normal in zip(self._clicks.points, self._clicks.normals, strict=True):
             allowed &= self._sunlight.lit(
                 np.broadcast_to(point, directions.shape), np.broadcast_to(normal, directions.shape), directions

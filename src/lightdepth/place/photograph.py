@@ -44,7 +44,8 @@ class Photograph(RealLight):
     def __init__(
         self, panorama: Panorama, surfaces: TracedSurfaces, infinite: bool = False, alone: bool = False
     ) -> None:
-        self.map = MapDistribution(panorama.radiance, alone)
+        self.map = MapDistribution(panorama.light_radiance, alone)
+        self._shown = self.map if panorama.unclipped is None else MapDistribution(panorama.radiance, alone)
         self.surfaces = surfaces
         self.infinite = infinite
         self._to_world = as_matrix(panorama.rotation)
@@ -119,7 +120,7 @@ class Photograph(RealLight):
         """``M(q)`` as a camera sees it: sharply interpolated, at the rest position of what is deformed."""
         point = dr.select(hit.valid, self.surfaces.rest_point(hit, hit.valid), hit.point)
         seen = dr.select(hit.valid, dr.normalize(mi.Vector3f(point - self._capture)), direction)
-        return self.map.sharp_radiance(self._to_light @ seen)
+        return self._shown.sharp_radiance(self._to_light @ seen)
 
     def surface_radiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
         """M at points of real surfaces seen from their front, at their rest positions (paper, section 5.8)."""

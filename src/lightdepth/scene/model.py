@@ -144,6 +144,8 @@ class Panorama:
         sky: what no real mesh covers is declared sky: infinitely far on purpose. Else it is a hole, and an error. In
             ``depth``, inf declares it.
         path: the file it came from, for messages.
+        unclipped: ``radiance`` with the true radiance of sources that were clipped, the same shape, for light; the plate is
+            ``radiance`` in any case. ``None`` where they are the same.
         repairs: what was wrong with its radiance and was replaced, a message for each kind.
         notes: what of its file makes pictures wrong in places, a sentence each.
     """
@@ -154,6 +156,7 @@ class Panorama:
     depth: NDArray[np.float32] | None = None
     sky: bool = False
     path: Path | None = None
+    unclipped: NDArray[np.float32] | None = None
     repairs: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -162,6 +165,11 @@ class Panorama:
         """The camera whose pixels are those of the photograph."""
         camera = Equirectangular(type="equirectangular", width=self.radiance.shape[1])
         return Viewpoint(camera, self.position, self.rotation)
+
+    @property
+    def light_radiance(self) -> NDArray[np.float32]:
+        """Radiance of the panorama as light: ``unclipped`` where there is one."""
+        return self.radiance if self.unclipped is None else self.unclipped
 
 
 @dataclass(frozen=True)
@@ -202,7 +210,6 @@ class Scene:
         cameras: by name.
         render: settings.
         path: the scene file, where it comes from one.
-        notes: what files say that is left out or taken otherwise, a message for each.
     """
 
     panorama: Panorama
@@ -212,4 +219,3 @@ class Scene:
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
     lights: tuple[SunLight, ...] = ()
-    notes: tuple[str, ...] = ()

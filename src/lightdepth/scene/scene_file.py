@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from lightdepth.cameras import Camera, CameraSettings
-from lightdepth.scene.lights import LightSettings, SunTable
+from lightdepth.scene.lights import ClippedTable, LightSettings, SunTable
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.schema import (
     CapturePose,
@@ -44,7 +44,7 @@ class Tables:
     pose: CapturePose | None
     picture: Picture | None
     real: list[RealTable | None]
-    lights: list[SunTable | None]
+    lights: list[SunTable | ClippedTable | None]
     synthetic: list[MeshObject | SphereObject | UnitShapeObject | None]
     cameras: dict[str, Camera | None]
     render: RenderTable | None

@@ -239,10 +239,12 @@ class Session:
 
             self._report(Stage("denoising"))
             frame = denoise(frame)
+        from lightdepth.film.layers import picture_exposure
+
         file = self._show(frame, finished=True)
         if job.checkpoint is not None and not interrupted:
             remove_checkpoint(job.checkpoint)
-        return self._done(Done(file, interrupted))
+        return self._done(Done(file, interrupted, round(picture_exposure(frame), 3)))
 
     def _done(self, event: Done) -> Done:
         if not self._interrupted:

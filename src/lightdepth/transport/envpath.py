@@ -49,7 +49,7 @@ def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurf
     if not chosen.any():
         return surfaces
     light_depth_map = build_light_depth_map(scene)
-    lights = median_cut(scene.panorama.radiance, light_depth_map.depth, LIGHTS)
+    lights = median_cut(scene.panorama.light_radiance, light_depth_map.depth, LIGHTS)
     vertices, faces, parent = trimesh.remesh.subdivide_to_size(
         surfaces.vertices[surfaces.faces[chosen]].reshape(-1, 3),
         np.arange(3 * int(chosen.sum())).reshape(-1, 3),
@@ -154,7 +154,8 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         self._capture = mi.Vector3f(as_point(panorama.position))
         self._to_light = as_matrix(panorama.rotation.T)
         angles = pixel_solid_angles(*panorama.radiance.shape[:2])
-        total = float((panorama.radiance.mean(axis=1) @ LUMINANCE) @ angles * panorama.radiance.shape[1])
+        light = panorama.light_radiance
+        total = float((light.mean(axis=1) @ LUMINANCE) @ angles * light.shape[1])
         self.total_luminance = dr.opaque(mi.Float, total)
 
     def begin(self, path: Path) -> EnvpathPath:
