@@ -126,10 +126,10 @@ def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: Rec
     if not (empty.infinite or modelled.deformed or scene.render.draft):  # It would be a quarter of a draft's time.
         empty, modelled = recover_hidden(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
-    modelled = with_fitted_glosses(empty, modelled)
+    modelled = with_fitted_glosses(empty, modelled, parameters)
     real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
-    return _Recovered(real, errors, recover_mirrored(empty, modelled))
+    return _Recovered(real, errors, recover_mirrored(empty, modelled, parameters=parameters))
 
 
 def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
