@@ -22,6 +22,7 @@ from bench.methods.job import MAX_BOUNCES
 from bench.places import lamp_and_window
 from bench.places.objects import Matte
 from bench.places.place import Place
+from bench.preparation import preparation
 from bench.truth import path_trace
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticObject, SyntheticPart
@@ -39,6 +40,7 @@ def cost(quick: bool, console: Console) -> dict[str, Any]:
         ("Number of objects", _object_counts),
         ("Triangles of one object", _triangles),
         ("Seconds from starting Python to a draft of the demo, and to another one", _starts),
+        ("Seconds (of processor) from a scene in memory to one sample of every pixel, demo, 640x400", preparation),
         ("Memory and time of an 8192x4096 panorama in and out", _large),
     ):
         console.print(f"cost: {title}", highlight=False, markup=False)

@@ -151,6 +151,7 @@ def forget_prepared() -> None:
     import drjit as dr
 
     from lightdepth.checks import forget_checked_places
+    from lightdepth.kernel.shapes import forget_shapes
     from lightdepth.preparation.place import forget_places
 
     _prepared.clear()
@@ -158,6 +159,7 @@ def forget_prepared() -> None:
     _drafted.cache_clear()
     forget_places()
     forget_checked_places()
+    forget_shapes()
     dr.flush_malloc_cache()
 
 

@@ -13,6 +13,7 @@ import lightdepth  # noqa: E402
 from lightdepth.errors import InputWarning  # noqa: E402
 from lightdepth.preparation.place import forget_places, prepare_place  # noqa: E402
 from lightdepth.recovery.parameters import DEFAULT  # noqa: E402
+from lightdepth.scene.model import Gloss  # noqa: E402
 from lightdepth.store import Store  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
@@ -108,6 +109,17 @@ def test_a_picture_from_the_cache_is_the_picture_without(tmp_path, monkeypatch):
         assert frame.metadata == without.metadata
         for name in ("plate", "change", "synthetic", "coverage", "variance"):
             np.testing.assert_array_equal(getattr(frame, name), getattr(without, name), err_msg=name)
+
+
+def test_the_cache_holds_what_glossy_surfaces_mirror(tmp_path):
+    store, few = Store(tmp_path), replace(DEFAULT, gloss_points=64, gloss_samples=16, mirrored_samples=4)
+    glossy = scene(gloss=Gloss(0.3, 0.5))
+    first, second = (prepared_afresh(glossy, store=store, parameters=few) for _ in range(2))
+    assert first.real.glosses == second.real.glosses
+    assert first.real.glosses[0].albedo != Gloss(0.3, 0.5).albedo
+    one, other = (np.array(known.place.photograph._mirrored.tensor()) for known in (first, second))
+    assert one.any()
+    np.testing.assert_array_equal(one, other)
 
 
 def test_the_cache_gives_what_was_recovered_and_nothing_else(tmp_path, monkeypatch):

@@ -13,12 +13,32 @@ from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
 from lightdepth.place.place import Place
+from lightdepth.preparation import Prepared
+from lightdepth.scene.identity import digest
 from lightdepth.scene.model import Panorama
 
 MOST_SUBPIXELS = 8
+KEPT, LARGEST_KEPT = 2, 1 << 22
+"""Plates that a prepared place keeps, and pixels of the largest."""
 MOST_LENS_POINTS = 256
 FEWEST_LENS_POINTS = 64
 """Powers of two, in which Sobol's sequence is even."""
+
+
+def kept_plate(
+    view: Viewpoint, panorama: Panorama, prepared: Prepared, draft: bool = False
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """:func:`render_plate`, taken from the prepared place where it keeps it: objects play no part in it."""
+    width, height = view.resolution
+    if view.same_pixels(panorama.viewpoint) or width * height > LARGEST_KEPT:
+        return render_plate(view, panorama, prepared.place, draft)
+    plates, key = prepared.plates, digest(view, draft)
+    if key not in plates:
+        plates[key] = render_plate(view, panorama, prepared.place, draft)
+        while len(plates) > KEPT:
+            plates.pop(next(iter(plates)))
+    plate, alpha = plates[key]
+    return plate.copy(), alpha.copy()  # They become part of the frame, which its owner may change.
 
 
 def render_plate(

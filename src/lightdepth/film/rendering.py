@@ -22,7 +22,7 @@ from lightdepth.film.auxiliary import render_auxiliary
 from lightdepth.film.cryptomatte import shape_names
 from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.film.light_image import LightImage
-from lightdepth.film.plate import render_plate
+from lightdepth.film.plate import kept_plate
 from lightdepth.film.selection import influenced_pixels
 from lightdepth.film.sums import Origin, PixelSums, Share
 from lightdepth.images.tonemapping import auto_exposure
@@ -165,7 +165,7 @@ class Rendering:
         self.share = share
         self._width, self._height = view.resolution
         with DEVICE_LOCK:
-            self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place, draft=scene.render.draft)
+            self.plate, self.alpha = kept_plate(view, scene.panorama, prepared, draft=scene.render.draft)
             self.pixels = influenced_pixels(view, prepared)
             plate = self.plate.reshape(-1, 3)
             light_tracer = prepared.integrator.light_tracer

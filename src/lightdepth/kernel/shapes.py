@@ -13,12 +13,18 @@ from lightdepth.errors import InputError
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.textures import TextureCache
+from lightdepth.scene.identity import digest
 from lightdepth.scene.materials import Material
-from lightdepth.scene.model import AnalyticShape, Mesh, Scene
+from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticPart
+
+NUMBERS = 128
+"""Shapes of this many parts, of all scenes in memory, for which kernels stay the same."""
 
 
 def synthetic_shapes(scene: Scene) -> list[tuple[int, mi.Shape]]:
     """The shapes of the synthetic objects, with their BSDFs and emitters.
+
+    What is the same as in the last scene is the same shape, so that a moved object makes no other work than its own.
 
     Returns:
         Pairs of an index into ``scene.synthetic`` and a shape; an object of several parts has several shapes.
@@ -26,16 +32,36 @@ def synthetic_shapes(scene: Scene) -> list[tuple[int, mi.Shape]]:
     Raises:
         InputError: Mitsuba refuses a material.
     """
-    builder = _Builder()
+    global _last
+    _hold_numbers()
+    builder = _Builder(_last)
     shapes = []
     for index, thing in enumerate(scene.synthetic):
         for part in thing.parts:
             try:
-                shapes.append((index, builder.shape(part.geometry, part.material)))
+                shapes.append((index, builder.shape(part)))
             except _RefusedMaterialError as error:
                 place = f'[[synthetic]] {index + 1} ("{thing.name}"): material'
                 raise InputError(f"{scene.path or 'scene'}: {place}: {error}") from error
+    _last = builder.without_predecessor()
     return shapes
+
+
+def _hold_numbers() -> None:
+    """Keep the highest number of a shape where it is, whatever shapes come and go below it.
+
+    Dr.Jit lays out a kernel's tables of calls by that number: without this, each moved object would compile kernels.
+    """
+    global _highest
+    if _highest is None:
+        shapes = [mesh_shape(Mesh(np.zeros((3, 3), np.float32), np.zeros((1, 3), np.int32))) for _ in range(NUMBERS)]
+        _highest = shapes[-1]
+
+
+def forget_shapes() -> None:
+    """Free the shapes of the scene that was prepared last."""
+    global _last
+    _last = None
 
 
 def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | None = None) -> mi.Mesh:
@@ -101,17 +127,37 @@ class _RefusedMaterialError(Exception):
 
 
 class _Builder:
-    """Makes shapes; materials and textures that several of them use are made once."""
+    """Makes shapes; materials and textures that several of them use are made once.
 
-    def __init__(self) -> None:
+    Args:
+        last: takes over what it made of the same content.
+    """
+
+    def __init__(self, last: _Builder | None = None) -> None:
+        self._predecessor = last
         self._textures = TextureCache()
-        self._bsdfs: dict[tuple[int, bool], tuple[Material, mi.BSDF]] = {}
+        self._bsdfs: dict[str, mi.BSDF] = {}
+        self._shapes: dict[str, mi.Shape] = {}
 
-    def shape(self, geometry: Mesh | AnalyticShape, material: Material) -> mi.Shape:
-        analytic = isinstance(geometry, AnalyticShape)
-        bsdf = self._bsdf(material, v_up=analytic)
-        light = material.plugins().get("emitter")
-        light = None if light is None else self._textures.plugin(light, v_up=analytic)
+    def without_predecessor(self) -> _Builder:
+        """The same, for a successor; what the predecessor made, and nothing uses now, is free."""
+        self._predecessor = None
+        return self
+
+    def shape(self, part: SyntheticPart) -> mi.Shape:
+        key = digest(part)
+        while key in self._shapes:  # The same once more at the same place is another shape.
+            key += "+"
+        known = None if self._predecessor is None else self._predecessor._shapes.get(key)
+        # The BSDF is taken over with its shape.
+        bsdf = self._bsdf(part.material, v_up=isinstance(part.geometry, AnalyticShape))
+        self._shapes[key] = known or self._made(part, bsdf)
+        return self._shapes[key]
+
+    def _made(self, part: SyntheticPart, bsdf: mi.BSDF) -> mi.Shape:
+        geometry = part.geometry
+        light = part.material.plugins().get("emitter")
+        light = None if light is None else self._textures.plugin(light, v_up=isinstance(geometry, AnalyticShape))
         if isinstance(geometry, Mesh):
             return mesh_shape(geometry, bsdf, None if light is None else load(light))
         description: dict[str, Any] = {"type": geometry.kind, "bsdf": bsdf}
@@ -121,7 +167,10 @@ class _Builder:
         return load(description)
 
     def _bsdf(self, material: Material, v_up: bool) -> mi.BSDF:
-        key = (id(material), v_up)
+        key = digest(material, v_up)
+        known = None if self._predecessor is None else self._predecessor._bsdfs.get(key)
+        if known is not None:
+            self._bsdfs[key] = known
         if key not in self._bsdfs:
             description = self._textures.plugin(material.plugins()["bsdf"], v_up)
             try:
@@ -130,8 +179,12 @@ class _Builder:
                 raise _RefusedMaterialError(_last_sentence(str(error))) from error
             if not isinstance(bsdf, mi.BSDF):
                 raise _RefusedMaterialError(f"'{description['type']}' is not a BSDF")
-            self._bsdfs[key] = (material, bsdf)
-        return self._bsdfs[key][1]
+            self._bsdfs[key] = bsdf
+        return self._bsdfs[key]
+
+
+_last: _Builder | None = None
+_highest: mi.Mesh | None = None
 
 
 def _last_sentence(message: str) -> str:

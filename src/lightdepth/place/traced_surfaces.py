@@ -85,7 +85,8 @@ class TracedSurfaces:
     def _add_synthetic(self, shapes: Sequence[mi.Shape]) -> None:
         new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
         self.has_synthetic = len(shapes) > 0
-        self.synthetic = _scene(new)
+        # Robust as well: built without spatial splits, in a quarter of the time, and traced as fast.
+        self.synthetic = _scene(new, robust=True)
         self.all = _scene({**self._real_shapes, **new})
         self.materials = Materials(shapes)
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
 from lightdepth.place.place import Place
@@ -32,6 +34,7 @@ class Prepared:
         integrator: estimates along camera rays.
         shapes: the synthetic shapes, each with the index of its object in the scene.
         irradiance: how well the irradiance of the support is known.
+        plates: of the place, see :class:`~lightdepth.preparation.place.PreparedPlace`.
     """
 
     place: Place
@@ -39,6 +42,7 @@ class Prepared:
     integrator: Integrator[Any]
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
+    plates: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
 
 
 class Method(Protocol):
@@ -65,7 +69,7 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
         polished,
     )
     spheres = [] if objects.bounds is None else objects.bounds.spheres
-    return Prepared(place, surfaces, integrator, objects.shapes, known.errors.report(spheres))
+    return Prepared(place, surfaces, integrator, objects.shapes, known.errors.report(spheres), known.plates)
 
 
 def _directional(scene: Scene, store: Store | None = None) -> Prepared:

@@ -6,7 +6,7 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -45,11 +45,13 @@ class PreparedPlace:
         place: its light and its surfaces, traced with ``real``.
         real: the real surfaces with recovered albedo and irradiance, on refined meshes.
         errors: of the irradiance.
+        plates: the photograph as the cameras seen last see it; see :func:`lightdepth.film.plate.kept_plate`.
     """
 
     place: Place
     real: RealSurfaces
     errors: IrradianceErrors
+    plates: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
 
 
 def prepare_place(
@@ -124,10 +126,10 @@ def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: Rec
     if not (empty.infinite or modelled.deformed or scene.render.draft):  # It would be a quarter of a draft's time.
         empty, modelled = recover_hidden(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
-    modelled = with_fitted_glosses(empty, modelled)
+    modelled = with_fitted_glosses(empty, modelled, parameters)
     real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
-    return _Recovered(real, errors, recover_mirrored(empty, modelled))
+    return _Recovered(real, errors, recover_mirrored(empty, modelled, parameters=parameters))
 
 
 def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:

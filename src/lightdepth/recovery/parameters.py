@@ -41,6 +41,12 @@ class RecoveryParameters:
         glowing_share: of a face, at least, by which it is known to glow: beside an occluder, the map's pixels mix the two.
         largest_albedo: what is occluded reflects at most this.
         smallest_albedo: what is occluded reflects at least this.
+        gloss_points: points on each glossy surface, at which the photograph tells how much the lobe may mirror.
+        gloss_samples: samples of each technique at each of them.
+        gloss_broken: share of the seen area at which the lobe may still mirror more: the model of the place is rough.
+        mirrored_height: rows of the image of what is mirrored, at most.
+        mirrored_samples: samples of each technique in each of its pixels.
+        mirrored_blur: pixels across the square in which its noise is shared.
     """
 
     light_samples: int = 1 << 16
@@ -74,6 +80,12 @@ class RecoveryParameters:
     glowing_share: float = 0.1
     largest_albedo: float = 1.0
     smallest_albedo: float = 1e-3
+    gloss_points: int = 4096
+    gloss_samples: int = 128
+    gloss_broken: float = 0.05
+    mirrored_height: int = 512
+    mirrored_samples: int = 32
+    mirrored_blur: int = 3
 
 
 DEFAULT = RecoveryParameters()

@@ -22,24 +22,21 @@ from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.recovery.mesh_components import wind_toward_capture
+from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 from lightdepth.scene.meshes.geometry import face_areas, face_normals
 from lightdepth.scene.model import Gloss
 
-POINTS, SAMPLES = 4096, 128
-"""Points on each glossy surface, and samples of each technique at each."""
-MAP_HEIGHT, MAP_SAMPLES, BLUR = 512, 32, 3
-"""Rows of the image of what is mirrored, at most, samples of each technique in each pixel, and pixels that share noise."""
-BROKEN = 0.05
-"""Share of the seen area at which the lobe may still mirror more than is shown: the model of the place is rough."""
 
-
-def fit_glosses(place: Place, surfaces: RealSurfaces, seed: int = 0) -> tuple[Gloss, ...]:
+def fit_glosses(
+    place: Place, surfaces: RealSurfaces, seed: int = 0, parameters: RecoveryParameters = DEFAULT
+) -> tuple[Gloss, ...]:
     """The specular lobes with the share of each that the photograph leaves room for, and the albedo beneath.
 
     Args:
         place: the place before insertion, traced with ``surfaces``.
         surfaces: the real surfaces as modelled.
         seed: of the points and samples.
+        parameters: how carefully.
     """
     if not surfaces.glosses:
         return ()
@@ -50,7 +47,11 @@ def fit_glosses(place: Place, surfaces: RealSurfaces, seed: int = 0) -> tuple[Gl
     fitted = []
     for number, declared in enumerate(surfaces.glosses, 1):
         weights = np.where((surfaces.gloss == number) & surfaces.receiving, areas, 0.0)
-        face = generator.choice(len(faces), POINTS, p=weights / weights.sum()) if weights.any() else np.zeros(0, int)
+        face = (
+            generator.choice(len(faces), parameters.gloss_points, p=weights / weights.sum())
+            if weights.any()
+            else np.zeros(0, int)
+        )
         barycentric = generator.dirichlet((1.0, 1.0, 1.0), len(face))
         points = np.einsum("nk,nkx->nx", barycentric, surfaces.vertices[faces[face]]).astype(np.float32)
         at, facing = (mi.Vector3f(*map(mi.Float, aligned_columns(each))) for each in (points, normals[face]))
@@ -61,22 +62,24 @@ def fit_glosses(place: Place, surfaces: RealSurfaces, seed: int = 0) -> tuple[Gl
             continue
         points, normal, shown = points[seen], normals[face][seen], radiance.numpy().T[seen]
         gloss = np.full(len(points), number, np.uint32)
-        mirrored = estimate_mirrored(place, points, normal, lobes, gloss, generator, SAMPLES)
-        irradiance, _ = estimate_irradiance(place, points, normal, generator, SAMPLES)
+        mirrored = estimate_mirrored(place, points, normal, lobes, gloss, generator, parameters.gloss_samples)
+        irradiance, _ = estimate_irradiance(place, points, normal, generator, parameters.gloss_samples)
         room = (shown / np.maximum(mirrored, 1e-20)).min(axis=1)
-        scale = min(1.0, float(np.quantile(room, BROKEN)))
+        scale = min(1.0, float(np.quantile(room, parameters.gloss_broken)))
         albedo = np.median(np.pi * np.maximum(shown - scale * mirrored, 0.0) / np.maximum(irradiance, 1e-20), axis=0)
         red, green, blue = np.minimum(albedo, 1.0).tolist()
         fitted.append(replace(declared, scale=scale, albedo=(red, green, blue)))
     return tuple(fitted)
 
 
-def with_fitted_glosses(place: Place, surfaces: RealSurfaces) -> RealSurfaces:
+def with_fitted_glosses(place: Place, surfaces: RealSurfaces, parameters: RecoveryParameters = DEFAULT) -> RealSurfaces:
     """The same surfaces with lobes that mirror no more than the photograph shows, but for a small share of their area."""
-    return replace(surfaces, glosses=fit_glosses(place, surfaces))
+    return replace(surfaces, glosses=fit_glosses(place, surfaces, parameters=parameters))
 
 
-def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> NDArray[np.float32] | None:
+def recover_mirrored(
+    place: Place, surfaces: RealSurfaces, seed: int = 0, parameters: RecoveryParameters = DEFAULT
+) -> NDArray[np.float32] | None:
     """The radiance ``S`` that specular lobes mirror to the capture point, pixel by pixel (eq. 6b).
 
     In the layout of the panorama, since a lobe mirrors narrow things: at the vertices of the irradiance mesh they would
@@ -86,6 +89,7 @@ def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> NDA
         place: the place before insertion, traced with ``surfaces``.
         surfaces: the real surfaces.
         seed: of the samples.
+        parameters: how carefully.
 
     Returns:
         Shape (h, 2 h, 3), for :meth:`~lightdepth.place.place.Place.with_mirrored`; ``None`` where nothing is glossy.
@@ -93,7 +97,7 @@ def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> NDA
     if not surfaces.glosses:
         return None
     generator = np.random.default_rng(seed)
-    height = min(MAP_HEIGHT, place.photograph.map.height)
+    height = min(parameters.mirrored_height, place.photograph.map.height)
     image = np.zeros((height, 2 * height, 3), np.float32)
     lobes = SpecularLobes(surfaces.glosses)
     for band in bands(2 * height, height):
@@ -106,9 +110,9 @@ def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> NDA
         points, normals = (value.numpy().T[glossy] for value in (hit.point, normal))
         gloss = hit.gloss.numpy()[glossy].astype(np.uint32)
         found = np.zeros((len(glossy), 3), np.float32)
-        found[glossy] = estimate_mirrored(place, points, normals, lobes, gloss, generator, MAP_SAMPLES)
+        found[glossy] = estimate_mirrored(place, points, normals, lobes, gloss, generator, parameters.mirrored_samples)
         image[band.rows] = found.reshape(*band.shape, 3)
     weight = (image > 0.0).any(axis=2).astype(np.float32)
     # Neighbours share their noise; beyond the surface's edge the value goes on, for lookups between the two.
-    size = (BLUR, BLUR)
+    size = (parameters.mirrored_blur, parameters.mirrored_blur)
     return np.asarray(cv2.blur(image, size) / np.maximum(cv2.blur(weight, size), 1e-6)[..., None], np.float32)
