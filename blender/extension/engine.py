@@ -2,7 +2,6 @@
 
 import tempfile
 import time
-import traceback
 from pathlib import Path
 
 import bpy
@@ -49,8 +48,7 @@ class LightdepthEngine(bpy.types.RenderEngine):
         except (RendererError, ExportError, cameras.CameraError, exr.ExrError, OSError) as error:
             self._fail(str(error))
         except Exception as error:
-            traceback.print_exc()
-            self._fail(f"The extension failed ({type(error).__name__}: {error}); please report it with the scene")
+            self._fail(evaluation.unexpected(error))
 
     def _fail(self, why: str) -> None:
         self.report({"ERROR"}, why)

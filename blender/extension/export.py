@@ -17,7 +17,7 @@ from bpy_extras.io_utils import ExportHelper
 from mathutils import Matrix
 
 from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, toml
-from .evaluation import EvaluationError, with_render_depsgraph
+from .evaluation import EvaluationError, unexpected, with_render_depsgraph
 from .picking import capture_pose
 from .properties import show_lines
 
@@ -479,6 +479,9 @@ class ExportScene(bpy.types.Operator, ExportHelper):
             exported = with_render_depsgraph(context, lambda depsgraph: export_scene(depsgraph, path))
         except (ExportError, EvaluationError, OSError) as error:
             self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except Exception as error:
+            self.report({"ERROR"}, unexpected(error))
             return {"CANCELLED"}
         show_lines(settings.export_notes, exported.notes)
         for note in exported.notes:

@@ -28,7 +28,7 @@ LOST_INPUTS = {
 }
 """Inputs of the Principled BSDF that the renderer's material does not have, with what they are."""
 WITHOUT_MATERIAL = 0.8
-"""Albedo of the matte surface that Cycles gives to what has no material."""
+"""Grey of the plastic that Cycles gives to what has no material."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ def surface_of(material: bpy.types.Material | None) -> tuple[Surface, list[str]]
         The surface, and sentences on what cannot be carried, with the material's name.
     """
     if material is None:
-        return Surface(), []
+        return Surface(roughness=constant(0.5), level=0.5), []
     tree = material.node_tree if _uses_nodes(material) else None
     if tree is None:
         return Surface(base=Value(to_rec709(np.array(material.diffuse_color[:3], np.float32)))), []
@@ -207,17 +207,20 @@ def _principled(node, inputs, groups) -> Surface:
     if inputs.is_set("Emission Strength") and inputs.is_set("Emission Color"):
         emission = _product(inputs, "emission", inputs.value("Emission Color"), inputs.value("Emission Strength"))
     opacity = inputs.value("Alpha")
+    level, metallic = inputs.number("Specular IOR Level"), inputs.value("Metallic")
+    # A dielectric without reflection is matte; the renderer would let it reflect at grazing angles.
+    matte = level == 0.0 and not metallic.numbers.any() and not inputs.is_set("Transmission Weight")
     return Surface(
         base=inputs.value("Base Color").as_colour(),
-        metallic=inputs.value("Metallic"),
-        roughness=inputs.value("Roughness"),
+        metallic=metallic,
+        roughness=constant(1.0) if matte else inputs.value("Roughness"),
         coat=coat,
         coat_roughness=inputs.value("Coat Roughness"),
         transmission=inputs.value("Transmission Weight"),
         opacity=opacity,
         emission=_covered(inputs, emission, opacity),
         ior=inputs.number("IOR"),
-        level=inputs.number("Specular IOR Level"),
+        level=level,
         **inputs.normals(),
     )
 
@@ -292,6 +295,8 @@ class _Renamed:
 def _glass(node, inputs, groups) -> Surface:
     if node.type == "BSDF_REFRACTION":
         inputs.notes.append("a refraction without reflection is not carried; it reflects as glass does")
+    if not _is_white(inputs, "Color"):
+        inputs.notes.append(f"reflections of {describe(node)} are white and not of its colour")
     # Its colour is that of one surface, the renderer's that of a way through the body.
     colour = combined(np.multiply, *[inputs.value("Color").as_colour()] * 2)
     return Surface(

@@ -165,8 +165,8 @@ def coordinates(triangles: Triangles, lay: Lay, which: np.ndarray) -> np.ndarray
     if lay.box:
         corners = triangles.local[triangles.vertices[which]].astype(np.float64)
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return _boxed(places @ matrix[:, :3].T + matrix[:, 3], normals)
-    return (places @ matrix[:, :3].T + matrix[:, 3])[..., :2]
+        return _boxed(places @ matrix[:3, :3].T + matrix[:3, 3], normals)
+    return (places @ matrix[:3, :3].T + matrix[:3, 3])[..., :2]
 
 
 def is_flat(lay: Lay) -> bool:

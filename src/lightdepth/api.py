@@ -19,7 +19,7 @@ from lightdepth.scene.model import CameraView, Scene
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
     from lightdepth.film.rendering import Progress, Rendering
-    from lightdepth.preparation import Prepared
+    from lightdepth.preparation.methods import Method, Prepared
 
 __all__ = ["begin_rendering", "load_scene", "render"]
 
@@ -39,6 +39,7 @@ def render(
     denoise: bool = False,
     progress: Callable[[Progress], bool | None] | None = None,
     draft: bool = False,
+    cache: bool = True,
 ) -> Frame:
     """Render a camera of a scene.
 
@@ -54,6 +55,7 @@ def render(
         progress: called after every pass; where it returns true, the rendering stops with what it has.
         draft: a quick look: one noisy sample a pixel, if ``samples`` does not say otherwise, and shadows whose strength is
             known to some percent; object ids, depth, normals and albedo only where ``denoise`` needs them.
+        cache: take what belongs to the place from the cache on disk, and put it there.
 
     Returns:
         The image with its layers.
@@ -66,7 +68,7 @@ def render(
     """
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
-    rendering = begin_rendering(scene, camera, method, seed, device, draft=draft)
+    rendering = begin_rendering(scene, camera, method, seed, device, draft=draft, cache=cache)
     frame = rendering.complete(samples, noise, progress, auxiliary=denoise or not draft)
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
@@ -84,6 +86,7 @@ def begin_rendering(
     warn: Callable[[str], None] | None = None,
     draft: bool = False,
     share: Share | None = None,
+    cache: bool = True,
 ) -> Rendering:
     """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
 
@@ -98,6 +101,7 @@ def begin_rendering(
         warn: told what will make the picture wrong in places, before the preparation takes its time.
         draft: a quick look.
         share: the part of the work that this process does, see :class:`~lightdepth.film.sums.Share`; all by default.
+        cache: take what belongs to the place from the cache on disk, and put it there.
     """
     view = find_camera(scene, camera)
     start(device)
@@ -111,7 +115,7 @@ def begin_rendering(
 
         if draft:
             scene = _drafted(scene)
-        return Rendering(scene, _prepare(scene, method), view, method, seed, share or Share())
+        return Rendering(scene, _prepare(scene, method, cache), view, method, seed, share or Share())
 
 
 def find_camera(scene: Scene, name: str | None) -> CameraView:
@@ -129,7 +133,7 @@ def find_camera(scene: Scene, name: str | None) -> CameraView:
     return scene.cameras[name]
 
 
-def find_method(name: str) -> Callable[[Scene], Prepared]:
+def find_method(name: str) -> Method:
     """What makes a scene ready for a method; call :func:`~lightdepth.kernel.start.start` before.
 
     Raises:
@@ -146,9 +150,14 @@ def forget_prepared() -> None:
     """Free the memory of what :func:`begin_rendering` keeps of the scenes that were rendered last."""
     import drjit as dr
 
+    from lightdepth.checks import forget_checked_places
+    from lightdepth.preparation.place import forget_places
+
     _prepared.clear()
     _warnings.clear()
     _drafted.cache_clear()
+    forget_places()
+    forget_checked_places()
     dr.flush_malloc_cache()
 
 
@@ -184,7 +193,7 @@ def _renderable(scene: Scene) -> tuple[str, ...]:
 def _find_warnings(scene: Scene) -> tuple[str, ...]:
     from lightdepth.checks import Severity, find_problems
 
-    problems = find_problems(scene)
+    problems = find_problems(scene, hints=False)
     told = {
         kind: [f"{scene.path or 'scene'}: {p.message}" for p in problems if p.severity is kind] for kind in Severity
     }
@@ -201,5 +210,8 @@ def _drafted(scene: Scene) -> Scene:
     return replace(scene, render=settings)
 
 
-def _prepare(scene: Scene, method: str) -> Prepared:
-    return _kept(_prepared, f"{method} {scene_digest(scene)}", lambda: find_method(method)(scene))
+def _prepare(scene: Scene, method: str, cache: bool) -> Prepared:
+    from lightdepth.store import default_store
+
+    store = default_store() if cache else None
+    return _kept(_prepared, f"{method} {scene_digest(scene)}", lambda: find_method(method)(scene, store))

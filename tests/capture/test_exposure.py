@@ -128,6 +128,19 @@ def test_what_some_photographs_state_all_must(tmp_path):
         read_exposures([tmp_path / "a.jpg", tmp_path / "b.jpg"])
 
 
+def test_powers_of_two_stand_for_times_and_f_numbers(tmp_path):
+    from PIL import Image
+    from PIL.TiffImagePlugin import IFDRational
+
+    exif = Image.Exif()
+    tags = exif.get_ifd(0x8769)
+    tags[0x9201], tags[0x9202], tags[0x8827] = IFDRational(-3, 1), IFDRational(5, 1), 200
+    Image.fromarray(GREY).save(tmp_path / "x.jpg", exif=exif)
+    exposure = read_exif(tmp_path / "x.jpg")
+    assert (exposure.time, exposure.iso) == (8.0, 200.0)
+    assert exposure.aperture == pytest.approx(5.657, abs=1e-3)
+
+
 def test_tables_of_other_makes(tmp_path):
     table = tmp_path / "t.csv"
     table.write_bytes("File;Time;ISO\r\na.png;1/60;200\r\n\r\n;\r\n"[:-5].encode("utf-8-sig"))

@@ -13,6 +13,7 @@ from lightdepth.capture.response import linear_response
 from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.exr import ExrPart, write_exr
+from lightdepth.images.radiance import write_radiance
 from tests.support.dng import write_dng
 
 FAULTS = Path(__file__).parents[1] / "faults"
@@ -178,3 +179,18 @@ def test_hdr_images_with_layers_alpha_and_impossible_pixels(tmp_path):
     assert (orientation.radiance[orientation.seen] == 2.0).all()
     assert np.isfinite(orientation.radiance).all()
     assert shoot.warnings == ["a.exr: 1 pixels are not finite; they count as not photographed"]
+
+
+def test_one_lens_has_one_circle_also_in_hdr_images(tmp_path):
+    """A black image shows none; the others' differ by what they show at the rim."""
+    rows, columns = np.mgrid[:160, :160] + 0.5
+    for index, radius in enumerate((0.0, 60.0, 62.0, 61.0)):
+        inside = np.hypot(rows - 80, columns - 80) < radius
+        write_radiance(tmp_path / f"{index}.hdr", np.repeat(inside[..., None].astype(np.float32), 3, axis=2))
+    shoot = read_shoot([tmp_path], MergeOptions(circle="auto"))
+    sizes = {orientation.radiance.shape for orientation in shoot.orientations}
+    assert len(sizes) == 1
+    assert abs(sizes.pop()[0] - 122) <= 2
+    write_radiance(tmp_path / "plain.hdr", np.ones((160, 160, 3), np.float32))
+    with pytest.raises(InputError, match="no fisheye circle was found"):
+        read_shoot([tmp_path / "plain.hdr"] * 2, MergeOptions(circle="auto"))

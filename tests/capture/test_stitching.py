@@ -3,6 +3,7 @@
 import json
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +16,13 @@ from lightdepth.capture.panorama import Panorama
 from lightdepth.capture.photometry import Photometry
 from lightdepth.capture.project import ControlPoint
 from lightdepth.capture.report import warnings_of
+from lightdepth.capture.rig import PRESETS
 from lightdepth.capture.shoot import Shoot
-from lightdepth.capture.stitching import Orientation, Stitched
+from lightdepth.capture.stitching import Orientation, Stitched, groups_of, turned_to_the_rig
 from lightdepth.cli.app import app
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, SetupError
+from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import read_exr
 from lightdepth.images.radiance import read_radiance, write_radiance
 from tests.support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, room_panorama, shoot
@@ -199,6 +202,23 @@ def test_blank_views_are_placed_by_the_rig(tmp_path):
     assert len(lines) < 60
 
 
+def test_images_that_nothing_connects_with_the_first_are_turned_to_the_rig():
+    """The first image is blank, so that the optimiser may turn the others together as it likes."""
+    rig = PRESETS["paper"]
+    stated = [Lens(100, 100, "fisheye", 180.0, yaw=yaw, pitch=pitch, roll=roll) for yaw, pitch, roll in rig]
+    off = rig_rotation(-106.0, 12.0, 30.0)
+    found = [stated[0], *(lens.with_rotation(off @ lens.rotation) for lens in stated[1:])]
+    found[3] = replace(found[3], yaw=found[3].yaw + 1.0)  # One was not set exactly.
+    points = [ControlPoint((first, first + 1), (50.0, 50.0), (50.0, 50.0)) for first in range(1, 6)]
+    turned = turned_to_the_rig(found, groups_of(7, points), rig)
+    assert turned[0] is found[0]
+    for lens, own, expected in zip(turned[1:], found[1:], stated[1:], strict=True):
+        angle = np.arccos(np.clip((np.trace(lens.rotation.T @ expected.rotation) - 1) / 2, -1, 1))
+        assert np.degrees(angle) < 1.0
+        between = turned[1].rotation.T @ lens.rotation  # Among each other they stay as they are.
+        np.testing.assert_allclose(between, found[1].rotation.T @ own.rotation, atol=1e-9)
+
+
 @needs_hugin
 def test_views_that_nothing_connects_are_refused_without_a_rig(tmp_path):
     with pytest.raises(InputError, match=r"no control points were found between any two .* --rig"):
@@ -271,14 +291,14 @@ def test_merge_writes_linear_radiance_picture_response_and_report(bracket, tmp_p
     report = json.loads((tmp_path / "view.json").read_text())
     assert report["exposure_range_stops"] == pytest.approx(16)
     assert report["orders_of_magnitude"] > 4
-    radiance = read_radiance(tmp_path / "view.exr")
+    radiance = read_beauty(tmp_path / "view.exr").radiance
     assert (tmp_path / "view.png").is_file()
     # The response of one orientation serves for another.
     run(
         "capture", "merge", *[path for path, _ in bracket.pairs], "-o", tmp_path / "again.exr", "--circle", "auto",
         "--response", tmp_path / "camera.json",
     )  # fmt: skip
-    np.testing.assert_allclose(read_radiance(tmp_path / "again.exr"), radiance, rtol=1e-4)
+    np.testing.assert_allclose(read_beauty(tmp_path / "again.exr").radiance, radiance, rtol=1e-4)
 
 
 @pytest.mark.parametrize("command", ["merge", "stitch"])

@@ -14,6 +14,7 @@ import pytest
 
 from lightdepth.film.layers import read_frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
+from lightdepth.images.tonemapping import AVERAGE_LUMINANCE
 
 from .room_folder import edit, make_room
 from .test_bad_input import MEANINGLESS
@@ -74,6 +75,7 @@ def test_a_program_is_told_how_it_goes(first):
     assert len(pictures) > 1
     assert [event["finished"] for event in pictures] == [False] * (len(pictures) - 1) + [True]
     assert {event["file"] for event in pictures} == {str(target)}
+    assert events[-1]["exposure"] == pytest.approx(np.log2(AVERAGE_LUMINANCE / 0.5), abs=0.01)
     progress = [event for event in events if event["event"] == "progress"]
     assert [event["fraction"] for event in progress] == sorted(event["fraction"] for event in progress)
     assert progress[-1]["fraction"] == 1.0
@@ -103,6 +105,8 @@ def test_the_file_has_all_layers_and_says_how_it_was_made(first):
     assert float(frame.metadata["samples"]) == pytest.approx(100, rel=0.05)
     assert float(frame.metadata["clamp_indirect"]) == 5.0
     assert float(frame.metadata["error"]) > 0.0
+    # But for few clipped pixels, the panorama's radiance is 0.5.
+    assert float(frame.metadata["exposure"]) == pytest.approx(np.log2(AVERAGE_LUMINANCE / 0.5), abs=0.01)
     assert float(frame.metadata["irradiance_error"]) >= 0.0
     assert sorted(path.name for path in target.parent.iterdir()) == ["picture.exr", "picture.png"]
 

@@ -8,7 +8,7 @@ import pytest
 from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import SetupError
-from lightdepth.film.denoising import denoise
+from lightdepth.film.denoising import _windows, denoise
 from lightdepth.film.frame import Frame
 
 HEIGHT, WIDTH = 128, 256
@@ -98,6 +98,24 @@ def test_bands_meet_without_a_seam(denoised, monkeypatch):
     monkeypatch.setattr("lightdepth.film.denoising.MARGIN", 32)
     banded = denoise(panorama_frame())
     assert rms(banded.change - denoised.change) < 0.1 * rms(denoised.change - panorama_frame().change)
+
+
+def test_only_what_is_new_is_filtered(denoised, monkeypatch):
+    """Boxes around the layers' pixels, with their margins, and together all of these pixels."""
+    frame = panorama_frame()
+    frame.topology = Flat(WIDTH, HEIGHT)
+    frame.change[:], frame.synthetic[:, 40:] = 0, 0
+    frame.change[90:100, 200:204], frame.change[5, 7] = -0.1, 0.2
+    (chart,) = frame.topology.charts
+    monkeypatch.setattr("lightdepth.film.denoising.MARGIN", 16)
+    rectangles = [window.rectangle for window in _windows(frame.topology, chart, frame.change)]
+    assert sorted((each.top, each.bottom, each.left, each.right) for each in rectangles) == [
+        (0, 16, 0, 16),
+        (80, 112, 192, 208),
+    ]
+    result = denoise(frame)
+    assert (result.change[90:100, 200:204] < 0).all()
+    assert not np.delete(result.change[90:100], range(200, 204), axis=1).any()
 
 
 def test_an_ordinary_image_without_guides_is_denoised_as_well(denoised):

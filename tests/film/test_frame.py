@@ -9,6 +9,7 @@ from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.errors import InputError
 from lightdepth.film.frame import Frame
 from lightdepth.film.layers import read_frame, write_frame, write_picture
+from lightdepth.images.tonemapping import tone_map
 
 
 def small_frame(height=24, width=48, seed=1, **optional):
@@ -133,3 +134,20 @@ def test_the_picture_is_transparent_outside_the_image_circle(tmp_path):
     assert pixels.shape == (24, 48, 4)
     assert (pixels[:3] == 0).all()
     assert (pixels[3:, :, 3] == 255).all()
+
+
+def test_all_cameras_of_a_scene_are_shown_at_the_panoramas_exposure(tmp_path):
+    """What one camera sees of a place has the same brightness in its picture as in that of another."""
+    bright, dark = small_frame(), small_frame()
+    bright.plate[:, :24] = dark.plate[:, :24] = 0.25
+    bright.plate[:, 24:], dark.plate[:, 24:] = 2.0, 0.01
+    pictures = []
+    for name, frame in (("bright", bright), ("dark", dark)):
+        frame.change[:], frame.synthetic[:], frame.coverage[:] = 0.0, 0.0, 0.0
+        frame.metadata["exposure"] = "0.500"
+        write_picture(tmp_path / f"{name}.png", frame)
+        with Image.open(tmp_path / f"{name}.png") as picture:
+            pictures.append(np.asarray(picture))
+    np.testing.assert_array_equal(pictures[0][:, :24], pictures[1][:, :24])
+    expected = tone_map(np.full((1, 1, 3), 0.25, np.float32), 0.5)
+    np.testing.assert_array_equal(pictures[0][0, 0], expected[0, 0])

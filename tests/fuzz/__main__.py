@@ -31,7 +31,7 @@ if arguments.keep is not None:
     for finding in result.findings:
         seed = next(seed for seed in chosen if seed.name == finding["seed"])
         name = f"{finding['number']}-{seed.file}"
-        (arguments.keep / name).write_bytes(content_of(seed, finding["number"], chosen))
+        (arguments.keep / name).write_bytes(content_of(seed, finding["number"], seeds()))
 counts = dict(Counter(finding["what"] for finding in result.findings))
 print(f"{arguments.mutants} mutants of {len(chosen)} seeds, {result.read} read, {result.refused} refused in words")
 print(f"findings: {counts or 'none'}")

@@ -46,6 +46,7 @@ def run(folder, mutants, first=0, names=None):
         if not (folder / "at").is_file():
             raise RuntimeError(f"the worker did not begin: {ended.stderr[-2000:]}")
         at = json.loads((folder / "at").read_text())
+        read, refused = read + at.pop("read"), refused + at.pop("refused")
         what = "hang" if ended.returncode == -27 else f"ended with {ended.returncode}"  # 27 is SIGPROF
         with (folder / "findings.jsonl").open("a") as findings:
             findings.write(json.dumps({**at, "what": what, "message": ended.stderr[-300:]}) + "\n")

@@ -14,9 +14,7 @@ from lightdepth.toml_file import read_document
 
 
 def _mesh(path):
-    notes = []
-    read_mesh_file(path, with_materials=True, note=notes.append)
-    return notes
+    read_mesh_file(path, with_materials=True)
 
 
 def _texture(path):
@@ -31,8 +29,9 @@ def _depth(path):
 
 
 def _scene(path):
-    contents = read_scene(path)
-    return [*contents.problems, *(contents.scene.notes if contents.scene is not None else ())]
+    """All problems of the file as one error."""
+    if problems := read_scene(path).problems:
+        raise InputError("\n".join(problems))
 
 
 READERS = {

@@ -9,7 +9,7 @@ import sys
 import warnings
 from pathlib import Path
 
-from lightdepth.errors import LightdepthError
+from lightdepth.errors import InputWarning, LightdepthError
 from tests.fuzz.mutation import mutant
 from tests.fuzz.readers import READERS, raw_words
 from tests.fuzz.seeds import seeds
@@ -26,13 +26,13 @@ def main(folder, names, first, last):
     Mutants of each number are shared out among the seeds: number n is of seed n modulo their count.
     """
     folder = Path(folder)
-    chosen = [seed for seed in seeds() if names is None or seed.name in names]
+    sound = list(seeds())
+    chosen = [seed for seed in sound if names is None or seed.name in names]
     for seed in chosen:  # All modules are loaded before memory is counted.
         _prepare(folder, seed)
         what, message = _read(folder, seed, seed.content)
         if what is not None:
             raise RuntimeError(f"{seed.name} is not sound: {message}")
-    warnings.simplefilter("error")  # What would be printed past us.
     printed = os.open(folder / "printed", os.O_CREAT | os.O_RDWR | os.O_TRUNC)
     real = os.dup(2)
     os.dup2(printed, 1)
@@ -45,9 +45,9 @@ def main(folder, names, first, last):
     with (folder / "findings.jsonl").open("a") as findings:
         for number in range(first, last):
             seed = chosen[number % len(chosen)]
-            content = content_of(seed, number, chosen)
+            content = content_of(seed, number, sound)
             _prepare(folder, seed)
-            (folder / "at").write_text(json.dumps({"number": number, "seed": seed.name}))
+            (folder / "at").write_text(json.dumps({"number": number, "seed": seed.name, **tally}))
             signal.setitimer(signal.ITIMER_PROF, SECONDS)
             what, message = _read(folder, seed, content)
             signal.setitimer(signal.ITIMER_PROF, 0.0)
@@ -71,9 +71,9 @@ def main(folder, names, first, last):
     os.dup2(real, 2)
 
 
-def content_of(seed, number, chosen):
-    """The bytes of a mutant."""
-    others = [other.content for other in chosen if other.kind == seed.kind]
+def content_of(seed, number, sound):
+    """The bytes of a mutant; pieces may come from any of the sound files of its kind."""
+    others = [other.content for other in sound if other.kind == seed.kind]
     return mutant(seed.content, others, random.Random(f"{seed.name} {number}"))
 
 
@@ -93,7 +93,10 @@ def _read(folder, seed, content):
     path = folder / "files" / seed.file
     path.write_bytes(content)
     try:
-        notes = READERS[seed.kind](path)
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("error")  # Others would be printed past us.
+            warnings.simplefilter("always", InputWarning)
+            READERS[seed.kind](path)
     except LightdepthError as error:
         raw = raw_words(str(error), content)
         return ("raw", f"{raw}: {str(error)[:400]}") if raw else ("refused", str(error)[:400])
@@ -101,9 +104,9 @@ def _read(folder, seed, content):
         return "memory", str(error)[:200]
     except BaseException as error:
         return "exception", f"{type(error).__name__}: {str(error)[:300]}"
-    for note in notes if isinstance(notes, list) else ():
-        if raw := raw_words(note, content):
-            return "raw", f"{raw}: {note[:400]}"
+    for message in (str(warning.message) for warning in caught):
+        if raw := raw_words(message, content):
+            return "raw", f"{raw}: {message[:400]}"
     return None, ""
 
 

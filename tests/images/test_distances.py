@@ -52,6 +52,7 @@ CHANNELS = {
     "Z beside layers": ({"Z": 1.0, "Normal.X": 2.0, "Normal.Y": 2.0, "Normal.Z": 2.0, "R": 3.0, "G": 4.0, "B": 5.0}, 1.0),
     "Blender": ({"ViewLayer.Depth.Z": 1.0, "ViewLayer.Position.X": 2.0, "ViewLayer.Position.Y": 2.0,
                  "ViewLayer.Position.Z": 2.0}, 1.0),
+    "Blender with more": ({"ViewLayer.Depth.Z": 1.0, "ViewLayer.Mist.Z": 2.0, "ViewLayer.Denoising Depth.Z": 3.0}, 1.0),
     "an unusual channel": ({"Depth.V": 1.0, "R": 3.0, "G": 4.0, "B": 5.0}, 1.0),
     "its layer's name": ({"depth": 1.0, "R": 3.0, "G": 4.0, "B": 5.0}, 1.0),
     "the only channel": ({"Y": 1.0, "A": 0.5}, 1.0),
@@ -73,11 +74,25 @@ def test_a_part_of_its_own_is_found(tmp_path):
     assert (read_distances(tmp_path / "x.exr")[0] == 1.0).all()
 
 
+def test_a_channel_may_be_stated(tmp_path):
+    planes = {name: np.full((8, 16), value, np.float32) for name, value in (("Near.Z", 1), ("Far.Z", 2))}
+    write_exr(tmp_path / "x.exr", [ExrPart(planes, "a"), ExrPart({"Near.Z": planes["Far.Z"]}, "b")])
+    for channel, expected in (("Far.Z", 2.0), ("a.Near.Z", 1.0), ("b.Near.Z", 2.0)):
+        assert (read_distances(tmp_path / "x.exr", channel)[0] == expected).all()
+    for channel in ("Near.Z", "Z"):
+        with pytest.raises(InputError, match=r"none of its channels, or several; allowed: a.Far.Z, a.Near.Z, b.Near.Z"):
+            read_distances(tmp_path / "x.exr", channel)
+    np.save(tmp_path / "x.npy", room())
+    with pytest.raises(InputError, match="has no channels with names"):
+        read_distances(tmp_path / "x.npy", "Z")
+
+
 def test_what_is_not_clear_is_refused(tmp_path):
     ones = np.ones((8, 16), np.float32)
     files = {
         "colour": [ExrPart({"R": ones, "G": 2 * ones, "B": ones})],
         "two": [ExrPart({"Near.Z": ones, "Far.Z": ones})],
+        "mist": [ExrPart({"L.Mist.Z": ones, "L.Combined.R": ones})],
         "normal": [ExrPart({"N.X": ones, "N.Y": ones, "N.Z": ones})],
     }
     for name, parts in files.items():
@@ -88,6 +103,7 @@ def test_what_is_not_clear_is_refused(tmp_path):
     for path, message in {
         tmp_path / "colour.exr": r"holds a colour picture \(R, G, B\), and no channel of distances",
         tmp_path / "two.exr": "several channels of distances, 'Far.Z', 'Near.Z'",
+        tmp_path / "mist.exr": r"no channel of distances \(Z\), but L.Combined.R, L.Mist.Z",
         tmp_path / "normal.exr": r"no channel of distances \(Z\), but N.X, N.Y, N.Z",
         tmp_path / "whole.npy": "holds whole numbers, whose unit is not known",
         tmp_path / "complex.npy": "holds complex128; distances are numbers",

@@ -17,6 +17,7 @@ from tests.images.exr_bytes import uncompressed_exr
 
 FAULTS = Path(__file__).parents[1] / "faults"
 SIZE = (8, 16)
+ACESCG = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
 
 
 @pytest.fixture(scope="module")
@@ -28,6 +29,45 @@ def reference():
 @pytest.mark.parametrize("name", ["acescg", "xyz"])
 def test_other_primaries_become_rec709(reference, name):
     np.testing.assert_allclose(read_radiance(FAULTS / f"15-chroma/{name}.exr"), reference, rtol=1e-3, atol=2e-4)
+
+
+@pytest.mark.parametrize(
+    "header", [{"colorInteropID": "lin_ap1_scene"}, {"colorInteropID": "lin_rec709_scene", "chromaticities": ACESCG}]
+)
+def test_a_colour_space_may_be_stated_by_name(tmp_path, reference, header):
+    """Numbers go before the name."""
+    stored = read_exr(FAULTS / "15-chroma/acescg.exr", interleaved=True)[0].channels
+    write_exr(tmp_path / "x.exr", [ExrPart(stored, "", header)])
+    np.testing.assert_allclose(read_radiance(tmp_path / "x.exr"), reference, rtol=1e-3, atol=2e-4)
+    write_exr(tmp_path / "y.exr", [ExrPart(stored, "", {"colorInteropID": "srgb_rec709_scene"})])
+    with pytest.warns(InputWarning, match="its colour space 'srgb_rec709_scene' is not known"):
+        np.testing.assert_array_equal(read_radiance(tmp_path / "y.exr"), stored["RGB"])
+
+
+def test_tristimulus_values_relative_to_a_white_keep_grey(tmp_path):
+    """By the format's definition the white of the chromaticities is what equal channels show."""
+    header = {"chromaticities": (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.3127, 0.3290)}
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(0.5), "", header)])
+    np.testing.assert_allclose(read_radiance(tmp_path / "x.exr"), 0.5, rtol=1e-3)
+
+
+def test_aces_containers_have_the_widest_primaries(tmp_path):
+    """Rec.709's red in ACES2065-1 (SMPTE ST 2065-1), by the matrix of the Academy's reference transform."""
+    red = np.array([0.4396328, 0.0897764, 0.0175412], np.float32)
+    planes = {name: np.full(SIZE, value, np.float32) for name, value in zip("RGB", red, strict=True)}
+    write_exr(tmp_path / "x.exr", [ExrPart(planes, "", {"acesImageContainerFlag": 1})])
+    np.testing.assert_allclose(read_radiance(tmp_path / "x.exr")[0, 0], [1.0, 0.0, 0.0], atol=2e-3)
+
+
+def test_transparent_pixels_are_named_where_nothing_is_behind(tmp_path):
+    alpha = np.ones(SIZE, np.float32)
+    alpha[:2] = 0.0
+    filled = grey(1.0) | {"A": alpha}
+    write_exr(tmp_path / "filled.exr", [ExrPart(filled)])
+    assert (read_radiance(tmp_path / "filled.exr") == 1.0).all()
+    write_exr(tmp_path / "empty.exr", [ExrPart({name: plane * alpha for name, plane in filled.items()})])
+    with pytest.warns(InputWarning, match="empty.exr: 25 % of its pixels are transparent"):
+        read_radiance(tmp_path / "empty.exr")
 
 
 def test_overscan_is_cut_to_the_display_window(reference):
@@ -86,6 +126,8 @@ DEPTH = {"ViewLayer.Depth.Z": np.ones(SIZE, np.float32)}
             ("ViewLayer.Normal", layered(ViewLayer__Normal=1.0)),
             ("ViewLayer.Combined", layered(ViewLayer__Combined=3.0)),
         ],
+        [("RGB color", grey(3.0)), ("VRayRawLighting", grey(1.0))],
+        [("C", grey(3.0)), ("direct_diffuse", grey(1.0))],
         [("alpha", {"Y": np.ones(SIZE, np.float32)}), ("image", grey(3.0))],
         # Other spellings of channels, and grey.
         [("", {name: np.full(SIZE, 3.0, np.float32) for name in ("red", "green", "blue")})],

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from bench.places import PLACES
 from bench.places.meshes import rectangle
+from bench.truth import truth
 
 from lightdepth.directions import latlong_to_direction, pixel_directions, pixel_solid_angles
 from lightdepth.errors import InputError
@@ -150,3 +151,19 @@ def test_a_plateau_is_raised_across_the_seam_and_nothing_else():
 def test_a_pixel_beside_the_panorama_is_refused():
     with pytest.raises(InputError, match="pixel 16,3 is not on the panorama of 16 x 8 pixels"):
         unclipped(np.ones((8, 16, 3), np.float32), ClippedSource((16.0, 3.0), np.ones(3)))
+
+
+def test_a_lamp_and_a_window_are_recovered_from_how_their_light_falls_off():
+    place = PLACES["lamp_and_window"]()
+    seen = truth(place, "panorama", 192, 128, objects=False)
+    rotation = place.camera("panorama", 192).rotation
+    real = tuple(RealSurface(part.name, part.mesh, part.role) for part in place.parts)
+    whole = Panorama(seen.mean.astype(np.float32), np.array(place.position), rotation)
+    limit = np.float32(8.0 * whole.radiance.mean())
+    assert limit < 6.0  # Below both the window and the lamp, above the walls.
+    found = recover_clipped(Scene(replace(whole, radiance=np.minimum(whole.radiance, limit)), real))
+    assert [each.method for each in found] == ["falloff", "falloff"]
+    angles = pixel_solid_angles(96, 192)[:, None]
+    for each in found:
+        true = (whole.radiance * (angles * each.plateau.pixels)[..., None]).sum(axis=(0, 1))
+        np.testing.assert_allclose(each.irradiance, true, rtol=0.12)

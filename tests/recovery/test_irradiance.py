@@ -68,8 +68,8 @@ def test_coarse_support_is_refined_until_the_irradiance_fits():
     scene = room(lamp_image(128))
     surfaces = merge_real_surfaces(scene.real)
     place = Place(scene.panorama, TracedSurfaces(surfaces))
-    spheres = [(np.array([0.3, 1.2, 0.4]), 0.4)]
-    refined, report = recover_irradiance(place, surfaces, spheres, np.random.default_rng(2), 1024)
+    refined, errors = recover_irradiance(place, surfaces, np.random.default_rng(2), 1024)
+    report = errors.report([(np.array([0.3, 1.2, 0.4]), 0.4)])
     assert len(surfaces.faces) == 12
     assert report.vertices > 200
     assert report.mean_error < 0.015
@@ -88,7 +88,7 @@ def test_support_is_wound_to_face_the_capture_point():
     surfaces = merge_real_surfaces(scene.real)
     inside_out = surfaces.__class__(**{**surfaces.__dict__, "faces": surfaces.faces[:, ::-1].copy()})
     place = Place(scene.panorama, TracedSurfaces(inside_out))
-    refined, _ = recover_irradiance(place, inside_out, [], np.random.default_rng(2), 1024)
+    refined, _ = recover_irradiance(place, inside_out, np.random.default_rng(2), 1024)
     corners = refined.vertices[refined.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((normals * (CAPTURE - corners.mean(axis=1))).sum(axis=1) > 0).all()

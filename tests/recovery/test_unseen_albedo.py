@@ -17,12 +17,12 @@ start("cpu")
 import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
-from lightdepth import preparation  # noqa: E402
 from lightdepth.cameras import Perspective  # noqa: E402
 from lightdepth.kernel.variables import as_matrix, as_point  # noqa: E402
 from lightdepth.place.place import Place  # noqa: E402
 from lightdepth.place.real_surfaces import FaceKind, merge_real_surfaces  # noqa: E402
 from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
+from lightdepth.preparation import place as preparation  # noqa: E402
 from lightdepth.recovery.support_irradiance import recover_irradiance  # noqa: E402
 from lightdepth.recovery.unseen_albedo import recover_hidden  # noqa: E402
 from tests.transport.places import lamp_image, room  # noqa: E402
@@ -119,12 +119,14 @@ def test_hidden_environment_stays_environment_and_hidden_support_has_the_albedo_
     centre = real.vertices[real.faces].mean(axis=1)
     on_far_wall = known & np.isclose(centre[:, 1], 4.5)
     np.testing.assert_allclose(real.unseen_albedo[on_far_wall].mean(axis=0), (0.66, 0.64, 0.58), rtol=0.07)
-    refined, _ = recover_irradiance(place, real, [], np.random.default_rng(2), 256)
+    refined, _ = recover_irradiance(place, real, np.random.default_rng(2), 256)
     final = place.with_surfaces(TracedSurfaces(refined))
     hit, hidden, _, _ = look(final, looking((1.9, 2.0, 1.3), (1.9, 4.2, 0.0)).camera("view", WIDTH))
     on_floor = hidden & (hit.kind.numpy() == FaceKind.SUPPORT) & (np.abs(hit.point.numpy()[2]) < 1e-4)
     assert on_floor.sum() > 50
-    ratio = np.pi * final.surface_radiance(hit, mi.Bool(True)) / final.surfaces.irradiance(hit, mi.Bool(True))
+    ratio = (
+        np.pi * final.photograph.surface_radiance(hit, mi.Bool(True)) / final.surfaces.irradiance(hit, mi.Bool(True))
+    )
     np.testing.assert_allclose(ratio.numpy().T[on_floor].mean(axis=0), (0.35, 0.33, 0.3), rtol=0.07)
 
 

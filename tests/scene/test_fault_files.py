@@ -1,13 +1,15 @@
 """Files of real users, each of a kind that was read wrongly once: geometry, materials, and what is said about them."""
 
 import shutil
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from lightdepth.errors import InputError
+from lightdepth.checks import Severity, inspect_file
+from lightdepth.errors import InputError, InputWarning
 from lightdepth.scene import load_scene
 from lightdepth.scene.materials import Principled, Texture, VertexColors
 from lightdepth.scene.materials.texture import decoded_srgb
@@ -19,8 +21,10 @@ FAULTS = Path(__file__).parents[1] / "faults"
 
 def read(name, folder=FAULTS):
     """Parts and notes of a file."""
-    notes = []
-    return read_mesh_file(folder / name, with_materials=True, note=notes.append), notes
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", InputWarning)
+        parts = read_mesh_file(folder / name, with_materials=True)
+    return parts, [str(warning.message) for warning in caught]
 
 
 def area(parts):
@@ -199,6 +203,15 @@ def test_tr_1_is_opaque_with_a_hint(shared_data):
         parts, notes = read(name, folder)
         assert [part.material.opacity for part in parts] == [1.0]
         assert any("'Tr 1' of material" in note for note in notes)
+
+
+def test_check_lists_what_was_taken_otherwise(write_scene, scene_folder):
+    for name in ("tr1.obj", "tr1.mtl"):
+        shutil.copy(FAULTS / "01-tr" / name, scene_folder)
+    twice = '[[synthetic]]\nname = "a"\nmesh = "tr1.obj"\n[[synthetic]]\nname = "b"\nmesh = "tr1.obj"\n'
+    problems = inspect_file(write_scene(twice)).problems
+    found = [problem.severity for problem in problems if "'Tr 1' of material 'm'" in problem.message]
+    assert found == [Severity.WARNING]
 
 
 @pytest.mark.parametrize(

@@ -156,7 +156,7 @@ def test_broken_meshes_say_what_is_wrong(tmp_path, columns, faces, message):
     [
         ("a.fbx", b"", r"'.fbx' is not a mesh format; allowed are .ply, .obj, .stl, .gltf, .glb"),
         ("a.ply", b"nonsense", "not a PLY file"),
-        ("a.obj", b"nonsense", "no triangles"),
+        ("a.obj", b"# nothing", "no triangles"),
         ("a.stl", b"", "no triangles"),
         ("a.glb", b"nonsense", "not a readable glTF file"),
         ("a.gltf", b"{", "not a readable glTF file"),

@@ -1,12 +1,13 @@
 """Layouts that PLY, OBJ, STL and glTF allow beyond what most files use, and how damage is described."""
 
 import json
+import warnings
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, InputWarning
 from lightdepth.scene.materials import Principled, VertexColors
 from lightdepth.scene.meshes import read_mesh_file
 from lightdepth.scene.meshes.geometry import face_areas
@@ -21,9 +22,10 @@ def read(tmp_path):
         if isinstance(content, dict):
             content = json.dumps(content)
         (tmp_path / name).write_bytes(content.encode() if isinstance(content, str) else content)
-        notes = []
-        parts = read_mesh_file(tmp_path / name, with_materials=materials, note=notes.append)
-        return parts, [note.removeprefix(f"{tmp_path / name}: ") for note in notes]
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", InputWarning)
+            parts = read_mesh_file(tmp_path / name, with_materials=materials)
+        return parts, [str(warning.message).removeprefix(f"{tmp_path / name}: ") for warning in caught]
 
     return write_and_read
 

@@ -13,9 +13,9 @@ start()
 import drjit as dr  # noqa: E402 - where LLVM is was settled by start()
 import mitsuba as mi  # noqa: E402 - needs a variant of Mitsuba
 
-from lightdepth import preparation  # noqa: E402
 from lightdepth.film.light_image import LightImage  # noqa: E402
 from lightdepth.place.object_bounds import ObjectBounds  # noqa: E402
+from lightdepth.preparation import objects  # noqa: E402
 from lightdepth.transport.light_tracing import LightTracer  # noqa: E402
 
 
@@ -82,7 +82,7 @@ BESIDE, BEFORE = ball(WHITE, (-0.35, 1.1, 0.25), 0.25), ball(WHITE, (-0.2, 0.8, 
 )
 def test_the_light_is_the_same_however_it_is_shared(material, light, other, camera, method, monkeypatch):
     # Paths from the light to matte objects too: what is likely for one material is not for another.
-    monkeypatch.setattr(preparation, "is_polished", lambda shape: True)
+    monkeypatch.setattr(objects, "is_polished", lambda shape: True)
     scene = room(LIGHTS[light], [ball(MATERIALS[material]), other], max_bounces=4)
     seeds = {name: MORE_SEEDS.get((material, name), SEEDS) for name in WEIGHTS}
     seeds["camera alone"] = max(seeds.values(), key=len)

@@ -87,6 +87,21 @@ class Camera(BaseModel, ABC):
     def solid_angle(self, direction: mi.Vector3f) -> mi.Float:
         """Steradians that rays of one origin fill per unit of film area, around unit directions in camera space."""
 
+    @property
+    def has_aperture(self) -> bool:
+        """Whether a lens blurs what is not in focus."""
+        return False
+
+    def blur(self, depth: mi.Float) -> mi.Float:
+        """Radius in pixels of the disk over which the lens spreads points.
+
+        Args:
+            depth: of the points along the camera's axis, metres, inf for sky.
+        """
+        import drjit as dr
+
+        return dr.zeros(type(depth), dr.width(depth))
+
     def pixel_angle(self, direction: mi.Vector3f) -> mi.Float:
         """Solid angle of the pixels around unit directions in camera space, steradians."""
         width, height = self.resolution

@@ -84,6 +84,17 @@ class Perspective(Camera):
         cosine = dr.maximum(direction.y, 0.0)
         return 4.0 * self._half_width() ** 2 * (self.height / self.width) * cosine * dr.square(cosine)
 
+    @property
+    def has_aperture(self) -> bool:  # noqa: D102
+        return self.aperture > 0.0
+
+    def blur(self, depth: mi.Float) -> mi.Float:  # noqa: D102
+        import drjit as dr
+
+        pixels = 0.5 * self.width / self._half_width()
+        nearness = dr.rcp(dr.maximum(depth, 1e-3))
+        return self.aperture * pixels * dr.abs(nearness - 1.0 / self._sharp_distance())
+
     def _half_width(self) -> float:
         """Half the image's width at distance 1."""
         return math.tan(math.radians(0.5 * self.fov))

@@ -152,9 +152,11 @@ def _from_tags(path: Path) -> _Exif:
     except Exception:  # Damaged files surface as whatever the parser met; what is missing is reported.
         tags = {}
     orientation = int(_number(tags, "Image Orientation") or 1)
+    # Some cameras state both as powers of two only (APEX).
+    shutter, aperture = _signed(tags, "EXIF ShutterSpeedValue"), _number(tags, "EXIF ApertureValue")
     return _Exif(
-        time=_number(tags, "EXIF ExposureTime") or 0.0,
-        aperture=_number(tags, "EXIF FNumber") or 0.0,
+        time=_number(tags, "EXIF ExposureTime") or (0.0 if shutter is None else 2.0**-shutter),
+        aperture=_number(tags, "EXIF FNumber") or (0.0 if aperture is None else 2.0 ** (aperture / 2.0)),
         iso=_number(tags, "EXIF ISOSpeedRatings") or 0.0,
         taken=_taken(tags),
         orientation=orientation if 1 <= orientation <= 8 else 1,
@@ -198,12 +200,18 @@ def shutter_time(printed: float) -> float:
 
 
 def _number(tags: dict[str, Any], name: str) -> float | None:
+    """A tag's first value where it is positive."""
+    number = _signed(tags, name)
+    return number if number is not None and number > 0.0 else None
+
+
+def _signed(tags: dict[str, Any], name: str) -> float | None:
     values = getattr(tags.get(name), "values", None)
     try:
-        number = float(values[0]) if values else 0.0
+        number = float(values[0]) if values else math.nan
     except (TypeError, ValueError, ZeroDivisionError):
         return None
-    return number if math.isfinite(number) and number > 0.0 else None
+    return number if abs(number) < 1e9 else None
 
 
 def _taken(tags: dict[str, Any]) -> float | None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -141,10 +142,7 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
         warnings.append("the camera's response is taken to be sRGB, for the photographs do not determine it")
     circle = options.circle
     if circle == "auto":
-        # One lens, one circle: the median of three brackets' is steadier than each one's own.
-        chosen = [brackets[index] for index in sorted({0, len(brackets) // 2, len(brackets) - 1})]
-        circles = [find_circle(_from_bright_to_dark(bracket, white_balance)) for bracket in chosen]
-        circle = Circle(*np.median([(each.x, each.y, each.radius) for each in circles], axis=0).tolist())
+        circle = _common_circle([partial(_from_bright_to_dark, bracket, white_balance) for bracket in brackets])
     orientations = []
     for index, bracket in enumerate(brackets):
 
@@ -155,6 +153,30 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
         orientations.append(_orientation(bracket, merged, options.circle is None))
     names = [[path.name for path, _ in bracket] for bracket in brackets]
     return Shoot(orientations, response, source, names, brackets[0][0][1], warnings)
+
+
+def _common_circle(views: Sequence[Callable[[], Iterable[Codes]]]) -> Circle:
+    """One lens, one circle: the median of three views' is steadier than each one's own.
+
+    Args:
+        views: give the photographs of each view from bright to dark; those that show no circle, such as black ones, are
+            passed over.
+
+    Raises:
+        InputError: no view shows a circle.
+    """
+    first = dict.fromkeys((0, len(views) // 2, len(views) - 1))
+    circles: list[Circle] = []
+    for index in [*first, *(other for other in range(len(views)) if other not in first)]:
+        try:
+            circles.append(find_circle(views[index]()))
+        except InputError:
+            continue
+        if len(circles) == 3:
+            break
+    if not circles:
+        return find_circle([])  # Which says so.
+    return Circle(*np.median([(each.x, each.y, each.radius) for each in circles], axis=0).tolist())
 
 
 def _from_bright_to_dark(bracket: Bracket, white_balance: WhiteBalance | None) -> Iterator[Codes]:
@@ -169,7 +191,7 @@ def _orientation(bracket: Bracket, merged: Merged, with_roll: bool) -> Orientati
 
 
 def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) -> Shoot:
-    orientations, warnings = [], []
+    pictures, warnings = [], []
     for index, path in enumerate(paths):
         picture = read_beauty(path) if path.suffix.lower() == ".exr" else Beauty(read_radiance(path), None)
         radiance = picture.radiance
@@ -177,23 +199,27 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
         if not finite.all():
             warnings.append(f"{path.name}: {(~finite).sum()} pixels are not finite; they count as not photographed")
             radiance = np.where(finite[..., None], radiance, np.float32(0.0))
-        seen = finite if picture.alpha is None else finite & (picture.alpha > 0.5)
-        circle = options.circle
-        if circle == "auto" and seen.all():
-            circle = find_circle([_as_photograph(radiance)])
-        if isinstance(circle, Circle):
+        pictures.append(
+            (radiance, finite if picture.alpha is None else finite & (picture.alpha > 0.5), picture.alpha is None)
+        )
+        progress("reading", index + 1, len(paths))
+    circle = options.circle
+    whole = [radiance for radiance, _, is_whole in pictures if is_whole]
+    if circle == "auto":  # What has an alpha was cut out already.
+        circle = _common_circle([partial(_as_photographs, each) for each in whole]) if whole else None
+    orientations = []
+    for path, (radiance, seen, is_whole) in zip(paths, pictures, strict=True):
+        if isinstance(circle, Circle) and (is_whole or options.circle != "auto"):
             left, top, side = circle.box()
             local = Circle(circle.x - left, circle.y - top, circle.radius)
             seen = circle.crop(seen) & local.inside(side, side)
             radiance = circle.crop(radiance)
-        orientations.append(
-            Orientation(path.name, radiance * seen[..., None], seen, np.asarray((radiance > 0.0).any(axis=2)))
-        )
-        progress("reading", index + 1, len(paths))
+        reliable = np.asarray((radiance > 0.0).any(axis=2))
+        orientations.append(Orientation(path.name, radiance * seen[..., None], seen, reliable))
     return Shoot(orientations, None, "HDR images", [[path.name] for path in paths], None, warnings)
 
 
-def _as_photograph(radiance: np.ndarray) -> np.ndarray:
-    """An HDR image as an overexposed photograph, for finding the circle."""
+def _as_photographs(radiance: np.ndarray) -> list[Codes]:
+    """An HDR image as one overexposed photograph, for finding the circle."""
     level = np.percentile(cv2.blur(radiance, (5, 5)), 60)
-    return np.clip(255.0 * np.sqrt(np.maximum(radiance, 0.0) / max(level, 1e-12)), 0, 255).astype(np.uint8)
+    return [np.clip(255.0 * np.sqrt(np.maximum(radiance, 0.0) / max(level, 1e-12)), 0, 255).astype(np.uint8)]

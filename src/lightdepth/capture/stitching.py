@@ -149,12 +149,15 @@ def stitch(
         small_lenses, small_points = read_project(optimised_file)
         lenses = [_enlarged(lens, scale, first.radiance.shape) for lens in small_lenses]
         points = [_enlarged_point(point, scale) for point in small_points]
-        unconnected = _unconnected(len(orientations), points) if points else list(range(len(orientations)))
+        groups = groups_of(len(orientations), points)
+        unconnected = _outside_the_largest(groups) if points else list(range(len(orientations)))
         if unconnected and options.rig is None:
             raise InputError(
                 f"{', '.join(orientations[index].name for index in unconnected)}: no control points with the other "
                 "images; leave them out, photograph with more overlap, or state the orientations by --rig"
             )
+        if options.rig is not None:
+            lenses = turned_to_the_rig(lenses, groups, options.rig)
         tick("vignetting and exposures")
         photographs = [
             Photograph(
@@ -233,11 +236,43 @@ def _enlarged_point(point: ControlPoint, scale: float) -> ControlPoint:
     return ControlPoint(point.images, first, second)  # type: ignore[arg-type]
 
 
-def _unconnected(count: int, points: Sequence[ControlPoint]) -> list[int]:
-    """Images outside the largest group that control points connect."""
+def groups_of(count: int, points: Sequence[ControlPoint]) -> list[int]:
+    """For each of ``count`` images a number that it shares with all that control points connect it with."""
     group = list(range(count))
     for point in points:
         first, second = group[point.images[0]], group[point.images[1]]
         group = [first if label == second else label for label in group]
-    largest = max(set(group), key=group.count)
-    return [index for index, label in enumerate(group) if label != largest]
+    return group
+
+
+def _outside_the_largest(groups: Sequence[int]) -> list[int]:
+    largest = max(set(groups), key=groups.count)
+    return [index for index, label in enumerate(groups) if label != largest]
+
+
+def turned_to_the_rig(lenses: Sequence[Lens], groups: Sequence[int], rig: Rig) -> list[Lens]:
+    """Turn every group of images that nothing connects with the first one as a whole toward its orientations in the rig.
+
+    The first image keeps the rig's pose while poses are optimised, and its group with it; another group may be turned
+    by any angle then.
+
+    Args:
+        lenses: as they were optimised.
+        groups: from :func:`groups_of`.
+        rig: orientations of all images.
+    """
+    turned = list(lenses)
+    for label in set(groups) - {groups[0]}:
+        members = [index for index, own in enumerate(groups) if own == label]
+        if len(members) == 1:
+            continue  # Nothing has moved it.
+        stated = [
+            replace(lenses[index], yaw=rig[index][0], pitch=rig[index][1], roll=rig[index][2]).rotation
+            for index in members
+        ]
+        # The rotation nearest to all differences (Kabsch).
+        u, _, vt = np.linalg.svd(sum(to @ lenses[index].rotation.T for to, index in zip(stated, members, strict=True)))
+        turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        for index in members:
+            turned[index] = lenses[index].with_rotation(turn @ lenses[index].rotation)
+    return turned

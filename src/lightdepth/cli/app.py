@@ -12,11 +12,13 @@ import typer
 from rich.console import Console
 
 from lightdepth.cli import capture
+from lightdepth.cli.cache import cache
 from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.merge import merge
+from lightdepth.cli.new import new
 from lightdepth.cli.preview import preview
 from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.recover import app as recover
@@ -53,6 +55,7 @@ def _options(
 
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
+app.command()(new)
 app.add_typer(capture.app, name="capture")
 app.command()(preview)
 app.command()(calibrate)
@@ -64,6 +67,7 @@ app.command()(check)
 app.command()(render)
 app.command()(merge)
 app.command()(serve)
+app.command()(cache)
 app.command()(doctor)
 
 

@@ -21,8 +21,8 @@ def merge(
     device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
     denoise: Annotated[bool, typer.Option("--denoise", help="Denoise the change and the new objects only.")] = False,
     exposure: Annotated[
-        float | None, typer.Option(help="Exposure of the PNG in stops; from the photograph by default.")
-    ] = None,
+        float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
+    ] = 0.0,
     layers: Annotated[
         str,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' or 'none'."),

@@ -124,6 +124,13 @@ def layout(
     if not outdoor and (ceiling is None) == (ceiling_corner is None):
         raise InputError("give either --ceiling (metres) or --ceiling-corner (one click)")
     place = read_place(source, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height)
+    if camera_height is not None and abs(place.pose.position[2] - camera_height) > 1e-6:
+        floor_level = place.pose.position[2] - camera_height
+        typer.echo(
+            f"warning: the pose puts the capture point at height {place.pose.position[2]:g} m, --camera-height says "
+            f"{camera_height:g} m: the floor comes to lie at height {floor_level:.3g} m instead of 0",
+            err=True,
+        )
     surfaces = surfaces_from_layout(
         Clicked(floor, ceiling_corner, box or [], table or [], panel or []),
         place,
@@ -143,6 +150,7 @@ def from_depth(
     scale: Annotated[
         float | None, typer.Option(min=1e-9, help="Metres per unit of the file; whole numbers must have it.")
     ] = None,
+    channel: Annotated[str | None, typer.Option(help="Of an OpenEXR file; found by default.")] = None,
     kind: Annotated[
         Literal["ray", "z", "disparity"] | None,
         typer.Option(help="Distances along the ray (the default), along the viewing axis, or reciprocal ones."),
@@ -172,7 +180,7 @@ def from_depth(
     from lightdepth.reconstruction.result import closed
 
     place = read_place(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
-    image = read_depth_image(depth, scale, sky, kind, sky_beyond)
+    image = read_depth_image(depth, scale, sky, kind, sky_beyond, channel)
     with _progress() as progress:
         task = progress.add_task("Meshing the depth", total=1.0)
         measured = surfaces_from_depth(
@@ -257,8 +265,8 @@ def lights(
 ) -> None:
     """The strongest sources of light: where they are in metres, their size and share of the light.
 
-    This is how you check that the lamps are where the lamps are. A source in the sky has a direction and a size in
-    degrees.
+    This is how you check that the lamps are where the lamps are. A source in the sky has a direction (azimuth clockwise
+    of the world's y axis, elevation above the horizon) and a size in degrees.
 
     Example: lightdepth reconstruct lights lounge.toml --picture lights.png --table lights.csv
     """
@@ -309,9 +317,11 @@ def _lights_table(sources: Sequence[Source]) -> Table:
         column.justify = "right"
     for number, item in enumerate(sources, start=1):
         if item.position is None:
-            where, distance, unit = ["sky", *("-" * 2)], "-", "deg"
+            where, unit = ["sky", f"az {item.azimuth:.1f}", f"el {item.elevation:.1f}"], "deg"
+            distance = "-"
         else:
-            where, distance, unit = [f"{x:.2f}" for x in item.position], f"{item.distance:.2f}", "m"
+            where, unit = [f"{x:.2f}" for x in item.position], "m"
+            distance = f"{item.distance:.2f}"
         size = f"{item.size[0]:.2f} x {item.size[1]:.2f} {unit}"
         shown.add_row(str(number), *where, distance, size, f"{100 * item.share:.1f} %", f"{item.luminance:.4g}")
     return shown

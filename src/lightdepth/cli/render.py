@@ -41,12 +41,15 @@ def render(
         bool, typer.Option("--draft", help="A quick look: one sample, light known roughly, no layers.")
     ] = False,
     exposure: Annotated[
-        float | None, typer.Option(help="Exposure of the PNG in stops; from the photograph by default.")
-    ] = None,
+        float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
+    ] = 0.0,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
     ] = None,
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", help="Neither use nor fill the cache of prepared places.")
+    ] = False,
     repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
     progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is reported.")] = "bar",
     region: Annotated[str | None, typer.Option(help="Finish this part first: left,top,right,bottom in pixels.")] = None,
@@ -101,12 +104,13 @@ def render(
                 checkpoint_seconds=CHECKPOINT_SECONDS if checkpoint_seconds is None else checkpoint_seconds,
                 resume=resume,
                 preview_seconds=preview_seconds,
+                cache=not no_cache,
             )
             session = Session(loaded, device, keep=False)
             if share is None:
                 session.display(ExrDisplay(target, chosen))
                 session.display(PngDisplay(files[1], exposure))
-            with Reporter(progress, files) as reporter:
+            with Reporter(progress, files, exposure) as reporter:
                 run(session, job, reporter, interruption)
         except KeyboardInterrupt:
             when = (
@@ -220,10 +224,11 @@ class Reporter:
     Args:
         kind: ``bar``, ``json`` or ``none``.
         files: what is written.
+        exposure: stops by which the PNG is lighter than by itself.
     """
 
-    def __init__(self, kind: str, files: list[Path]) -> None:
-        self._kind, self._files = kind, files
+    def __init__(self, kind: str, files: list[Path], exposure: float = 0.0) -> None:
+        self._kind, self._files, self._exposure = kind, files, exposure
         self._console = Console(stderr=True, highlight=False, soft_wrap=True)
         self._bar: Progress | None = None
         if kind == "bar":
@@ -276,7 +281,8 @@ class Reporter:
     def _ending(self, done: Done) -> str:
         written = " and ".join(map(str, self._files))
         if not done.interrupted:
-            return f"wrote {written}"
+            shown = "" if done.exposure is None else f" (exposure {done.exposure + self._exposure:+.2f} stops)"
+            return f"wrote {written}{shown}"
         if done.file is not None:
             return f"interrupted; what was rendered so far is in {written}"
         return "interrupted; --resume goes on"

@@ -6,14 +6,19 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats.qmc import Sobol
 
 from lightdepth.cameras import Viewpoint
+from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
 from lightdepth.place.place import Place
 from lightdepth.scene.model import Panorama
 
 MOST_SUBPIXELS = 8
+MOST_LENS_POINTS = 256
+FEWEST_LENS_POINTS = 64
+"""Powers of two, in which Sobol's sequence is even."""
 
 
 def render_plate(
@@ -31,30 +36,59 @@ def render_plate(
         ``(plate, alpha)``, shapes (height, width, 3) and (height, width), float32: radiance, black outside the
         camera's image, and the share of each pixel inside it. A camera whose pixels are the panorama's gets these,
         bit for bit; any other one the mean over a grid of points in each pixel, fine enough for the panorama's detail.
+        A lens with an aperture blurs the photograph as it blurs the objects: the mean is over points of the lens as well.
     """
     width, height = view.resolution
     if view.same_pixels(panorama.viewpoint):
         return panorama.radiance, np.ones((height, width), np.float32)
     subpixels = 1 if draft else _subpixels(view, place)
+    grid = (np.arange(subpixels) + 0.5) / subpixels
+    middle = np.full((subpixels, subpixels), 0.5)
+    points = np.stack([*np.meshgrid(grid, grid, indexing="ij"), middle, middle], axis=-1).reshape(-1, 4)
+    blurred = view.camera.has_aperture
+    if blurred:
+        count = FEWEST_LENS_POINTS if draft else _lens_points(view, place)
+        points = Sobol(4, rng=0).random(count)
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
     for band in bands(width, height):
         total, share = dr.zeros(mi.Color3f, dr.width(band.row)), dr.zeros(mi.Float, dr.width(band.row))
         dr.make_opaque(total, share)  # Literal zeros would need a kernel of their own.
-        for i in range(subpixels):
-            for j in range(subpixels):
-                # Point by point, so that one small kernel serves all of them.
-                offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
-                dr.make_opaque(offset)
-                seen = view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
-                hit = place.surfaces.first_real(seen.ray, seen.inside)
-                total += place.photograph.sharp(hit, seen.ray.d) & seen.inside
-                share += dr.select(seen.inside, 1.0, 0.0)
-                dr.eval(total, share)
-        scale = 1.0 / subpixels**2
+        # Points of the lens that are further apart than a pixel where the photograph is blurred would show as dots.
+        margin: mi.Float | float = 1.0
+        if blurred:
+            radius = _blur(view, place, view.pixel_rays(band.column, band.row, mi.Point2f(0.5), mi.Point2f(0.5)))
+            margin = dr.maximum(1.0, radius * float(np.sqrt(np.pi / len(points))))
+            dr.eval(margin)
+        for point in points:
+            # Point by point, so that one small kernel serves all of them.
+            offset, lens = mi.Point2f(*map(float, point[:2])), mi.Point2f(*map(float, point[2:]))
+            dr.make_opaque(offset, lens)
+            within = 0.5 + (offset - 0.5) * margin if blurred else offset
+            seen = view.pixel_rays(band.column, band.row, within, lens)
+            hit = place.surfaces.first_real(seen.ray, seen.inside)
+            total += place.photograph.sharp(hit, seen.ray.d) & seen.inside
+            share += dr.select(seen.inside, 1.0, 0.0)
+            dr.eval(total, share)
+        scale = 1.0 / len(points)
         plate[band.rows] = (total * scale).numpy().T.reshape(*band.shape, 3)
         alpha[band.rows] = (share * scale).numpy().reshape(band.shape)
     return plate, alpha
+
+
+def _blur(view: Viewpoint, place: Place, middle: CameraRays) -> mi.Float:
+    """Radius in pixels of the disk over which the lens spreads what rays through its middle meet."""
+    hit = place.surfaces.first_real(middle.ray, middle.inside)
+    depth = dr.dot(hit.point - middle.ray.o, mi.Vector3f(*view.rotation[:, 1].tolist()))
+    return view.camera.blur(dr.select(hit.valid, depth, dr.inf))
+
+
+def _lens_points(view: Viewpoint, place: Place) -> int:
+    """Points of the lens for each pixel: about one for each pixel of the largest disk that a point is spread over."""
+    x, y = (mi.Float(aligned(grid)) for grid in np.meshgrid(np.linspace(0.05, 0.95, 16), np.linspace(0.05, 0.95, 16)))
+    radius = _blur(view, place, view.rays(mi.Point2f(x, y), mi.Point2f(0.5)))
+    needed = np.pi * float(np.max(radius.numpy())) ** 2
+    return int(np.clip(2 ** np.ceil(np.log2(max(needed, 1.0))), FEWEST_LENS_POINTS, MOST_LENS_POINTS))
 
 
 def _subpixels(view: Viewpoint, place: Place) -> int:

@@ -19,11 +19,13 @@ from lightdepth.cameras import Viewpoint
 from lightdepth.errors import InputError
 from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.auxiliary import render_auxiliary
-from lightdepth.film.frame import Frame
+from lightdepth.film.cryptomatte import shape_names
+from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import render_plate
 from lightdepth.film.selection import influenced_pixels
 from lightdepth.film.sums import Origin, PixelSums, Share
+from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.start import DEVICE_LOCK
 from lightdepth.place.light_list import LightList
@@ -290,8 +292,10 @@ class Rendering:
             topology=self._view.topology,
         )
         if auxiliary:
-            layers = render_auxiliary(self._view, self._prepared)
-            frame.object_id, frame.depth, frame.normal, frame.albedo = layers
+            names = shape_names(self._scene.synthetic)
+            seen = render_auxiliary(self._view, self._prepared, names, frame.coverage)
+            frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
+            frame.object_id = seen.mattes.dominant(frame.coverage.size).reshape(frame.coverage.shape)
         return frame
 
     def origin(self, samples: int) -> Origin:
@@ -413,6 +417,7 @@ class Rendering:
             "samples": f"{self._accumulator.taken.mean():.1f}" if len(self.pixels) else "0",
             "error": f"{self.error():.5f}",
             "irradiance_error": f"{report.mean_error:.5f}",
+            EXPOSURE: f"{auto_exposure(self._scene.panorama.radiance):.3f}",
         }
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)

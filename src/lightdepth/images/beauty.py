@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError, warn
-from lightdepth.images.chromaticities import REC709, converted, luminance_weights, to_rec709
+from lightdepth.images.chromaticities import converted, luminance_weights, primaries_of, to_rec709
 from lightdepth.images.exr import ExrHeader, ExrReader
 
-PICTURE_NAMES = ("composite", "beauty", "rgba", "combined", "rgb", "final", "main", "default", "primary", "color")
+PICTURE_NAMES = (
+    *("composite", "beauty", "rgba", "combined", "rgb", "rgb color", "final", "finalimage", "effectsresult", "main"),
+    *("default", "primary", "image", "color", "c", "ci"),
+)
 """What the finished picture's part or layer is called, the most telling first."""
 TELLING_WORDS = PICTURE_NAMES[:4]
 """Those that tell it also as a word of a longer name such as ``ViewLayer.Combined``."""
@@ -39,7 +43,7 @@ class Layer:
     @property
     def words(self) -> list[str]:
         """The words of the part's and the layer's name, in small letters."""
-        return [word for name in (self.part.name, self.name) for word in name.lower().replace("_", ".").split(".")]
+        return [word for name in (self.part.name, self.name) for word in re.split(r"[._ -]", name.lower())]
 
     @property
     def title(self) -> str:
@@ -78,14 +82,19 @@ def read_beauty(path: Path) -> Beauty:
             raise InputError(
                 f"{path}: is a cube map; convert it to an equirectangular panorama, twice as wide as high, first"
             )
-        primaries = layer.part.attributes.get("chromaticities", REC709)
+        primaries = primaries_of(layer.part.attributes, path)
         matrix = to_rec709(primaries, path)
         names = layer.channels
+        alpha = None
         if {"R", "G", "B"} <= names.keys():
-            radiance = reader.read(layer.part, [names[name] for name in "RGB"]).astype(np.float32, copy=False)
+            # At once, for every read decompresses all channels.
+            planes = reader.read(layer.part, [names[name] for name in "RGBA" if name in names])
+            radiance = np.ascontiguousarray(planes[:, :, :3], dtype=np.float32)
+            alpha = planes[:, :, 3].astype(np.float32) if "A" in names else None
         else:
             radiance = _from_luminance(reader, layer, luminance_weights(primaries))
-        alpha = reader.read(layer.part, [names["A"]])[:, :, 0].astype(np.float32) if "A" in names else None
+            if "A" in names:
+                alpha = reader.read(layer.part, [names["A"]])[:, :, 0].astype(np.float32)
     return Beauty(converted(radiance, matrix), alpha)
 
 

@@ -31,7 +31,7 @@ _WORDS = ("z", "depth", "distance")
 _ANY_NAME = ("r", "v", "x", "y")
 
 
-def read_distances(path: Path) -> tuple[FloatArray, bool]:
+def read_distances(path: Path, channel: str | None = None) -> tuple[FloatArray, bool]:
     """Read an image of distances in the file's own unit.
 
     Of an OpenEXR file the channel ``Z`` counts, or the only one of a layer that is named so or ``depth``, or the only one
@@ -39,6 +39,7 @@ def read_distances(path: Path) -> tuple[FloatArray, bool]:
 
     Args:
         path: OpenEXR, a 16-bit PNG, or a NumPy array in a .npy file.
+        channel: of an OpenEXR file, by its full name; ``None`` finds it.
 
     Returns:
         ``(distances, whole)``: shape (height, 2 height), inf for sky, NaN where a PNG says that nothing was measured; and
@@ -52,7 +53,9 @@ def read_distances(path: Path) -> tuple[FloatArray, bool]:
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: '{path.suffix}' is not a format for depth; allowed are .exr, .png (16 bit), .npy")
-    values = reader(path)
+    if channel is not None and reader is not _from_exr:
+        raise InputError(f"{path}: has no channels with names, so --channel '{channel}' is none of its")
+    values = reader(path) if channel is None else _from_exr(path, channel)
     shape = values.shape
     values = values.reshape([side for side in shape if side > 1])
     if values.ndim != 2 or values.shape[1] != 2 * values.shape[0]:
@@ -119,9 +122,12 @@ def _slope(values: FloatArray, known: NDArray[np.bool_], steepness: FloatArray) 
     return float(np.polyfit(np.log(steepness[rows]), medians, 1)[0])
 
 
-def _from_exr(path: Path) -> np.ndarray:
+def _from_exr(path: Path, channel: str | None = None) -> np.ndarray:
     with ExrReader(path) as reader:
-        part, names = _distance_channels(reader.headers, path)
+        if channel is None:
+            part, names = _distance_channels(reader.headers, path)
+        else:
+            part, names = _named_channel(reader.headers, path, channel)
         planes = reader.read(part, names)
         if len(names) > 1 and (planes != planes[:, :, :1]).any():
             raise InputError(
@@ -134,11 +140,15 @@ def _distance_channels(headers: Sequence[ExrHeader], path: Path) -> tuple[ExrHea
     """The part and channel of distances, or R, G and B, which must then be equal."""
     found = [(part, channel) for part in headers for channel in part.channels if _is_distance(part, channel)]
     exact = [(part, channel) for part, channel in found if channel == "Z"]
-    for part, channel in exact if len(exact) == 1 else found if len(found) == 1 else ():
-        return part, [channel]
+    named = [(part, channel) for part, channel in found if "depth" in _words(part, channel)]
+    for chosen in (exact, named, found):
+        if len(chosen) == 1:
+            return chosen[0][0], [chosen[0][1]]
     if found:
         names = ", ".join(f"'{part.name}: {channel}'" if part.name else f"'{channel}'" for part, channel in found)
-        raise InputError(f"{path}: has several channels of distances, {names}; allowed is one, or one named 'Z' alone")
+        raise InputError(
+            f"{path}: has several channels of distances, {names}; 'reconstruct from-depth --channel' states which"
+        )
     others = [(part, channel) for part in headers for channel in part.channels if channel.lower() not in ("a", "alpha")]
     if len(others) == 1:
         return others[0][0], [others[0][1]]
@@ -148,15 +158,35 @@ def _distance_channels(headers: Sequence[ExrHeader], path: Path) -> tuple[ExrHea
     raise InputError(f"{path}: has no channel of distances (Z), but {names}")
 
 
+def _named_channel(headers: Sequence[ExrHeader], path: Path, channel: str) -> tuple[ExrHeader, list[str]]:
+    """The channel of this name; a part's name may stand before it."""
+    every = {f"{part.name}.{own}" if part.name else own: (part, own) for part in headers for own in part.channels}
+    found = [entry for name, entry in every.items() if channel in (name, entry[1])]
+    if channel in every:
+        found = [every[channel]]
+    if len(found) != 1:
+        raise InputError(
+            f"{path}: --channel '{channel}' is none of its channels, or several; allowed: {', '.join(every)}"
+        )
+    return found[0][0], [found[0][1]]
+
+
 def _is_distance(part: ExrHeader, channel: str) -> bool:
     layer, _, own = channel.rpartition(".")
+    if "mist" in _words(part, channel):  # Blender's share of fog, whose channel is called Z as well.
+        return False
     dot = "." if layer else ""
     siblings = {name.lower() for name in part.channels if name.rpartition(".")[0] == layer}
     if own.lower() in _WORDS:
         vector = f"{layer}{dot}x".lower() in siblings and f"{layer}{dot}y".lower() in siblings
         return not vector  # A normal or a position has a Z as well.
-    words = f"{part.name}.{layer}".lower().split(".")
-    return own.lower() in _ANY_NAME and len(siblings) == 1 and any(word in _WORDS for word in words)
+    return (
+        own.lower() in _ANY_NAME and len(siblings) == 1 and any(word in _WORDS for word in _words(part, channel)[:-1])
+    )
+
+
+def _words(part: ExrHeader, channel: str) -> list[str]:
+    return f"{part.name}.{channel}".lower().split(".")
 
 
 def _from_npy(path: Path) -> np.ndarray:

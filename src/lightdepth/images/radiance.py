@@ -15,7 +15,12 @@ from lightdepth.images.rgbe import read_rgbe, write_rgbe
 
 
 def _from_exr(path: Path) -> NDArray[np.float32]:
-    return read_beauty(path).radiance
+    picture = read_beauty(path)
+    if picture.alpha is not None:
+        unknown = (picture.alpha <= 0.0) & (picture.radiance == 0.0).all(axis=2)
+        if unknown.any():
+            warn(f"{path}: {100.0 * unknown.mean():.3g} % of its pixels are transparent; they are black here")
+    return picture.radiance
 
 
 def _to_exr(path: Path, radiance: NDArray[np.float32]) -> None:

@@ -138,10 +138,12 @@ def _numbers(text: str, name: str, path: Path) -> list[float]:
 
 def _factors(text: str, name: str, count: int, path: Path) -> NDArray[np.float64]:
     """What a line multiplied the pixels by; 1 where it says 0."""
-    numbers = _numbers(text, name, path)
-    if len(numbers) != count or min(numbers) < 0.0 or (min(numbers) == 0.0 and max(numbers) > 0.0):
+    numbers = _numbers(text, name, path) or [0.0]
+    if not any(numbers):
+        return np.ones(count)
+    if len(numbers) != count or not min(numbers) > 0.0:
         raise InputError(f"{path}: {name} in its header is '{text.strip()[:40]}'; {count} positive are needed")
-    return np.array(numbers if max(numbers) > 0.0 else [1.0] * count)
+    return np.array(numbers)
 
 
 def _matrix(header: str, tristimulus: bool, path: Path) -> NDArray[np.float32] | None:

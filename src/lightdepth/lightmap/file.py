@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
-from lightdepth.images.chromaticities import REC709, converted, to_rec709
+from lightdepth.images.chromaticities import converted, primaries_of, to_rec709
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.images.validation import validate_panorama
 
@@ -64,7 +64,7 @@ def read_light_depth_map(path: Path) -> LightDepthMap:
     if POSE not in part.header:
         raise InputError(f"{path}: the capture pose is missing; its header must have {POSE}, a 4 x 4 matrix")
     linear = np.ascontiguousarray(radiance[:, :, :3], dtype=np.float32)
-    matrix = to_rec709(part.header.get("chromaticities", REC709), path)
+    matrix = to_rec709(primaries_of(part.header, path), path)
     valid = validate_panorama(converted(linear, matrix), path)
     depth = part.channels["Z"].astype(np.float32, copy=False)
     _check_depth(depth, path)

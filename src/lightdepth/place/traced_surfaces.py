@@ -63,22 +63,31 @@ class TracedSurfaces:
 
     def __init__(self, surfaces: RealSurfaces, shapes: Sequence[mi.Shape] = ()) -> None:
         self.has_real = len(surfaces.faces) > 0
-        self.has_synthetic = len(shapes) > 0
         self.deformed = surfaces.deformed
         self.kinds = frozenset(FaceKind(int(kind)) for kind in np.unique(surfaces.kind))
         black = load({"type": "diffuse", "reflectance": 0.0})
-        real = {"real": mesh_shape(surfaces.mesh(), black)} if self.has_real else {}
-        new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
+        self._real_shapes = {"real": mesh_shape(surfaces.mesh(), black)} if self.has_real else {}
         # Robust, since light and depth are looked up along rays through vertices; elsewhere it would cost a tenth more.
-        self.real = _scene(real, robust=True)
+        self.real = _scene(self._real_shapes, robust=True)
         self.blockers = self._blockers(surfaces, black)
-        self.synthetic = _scene(new)
-        self.all = _scene({**real, **new})
-        self.materials = Materials(shapes)
         self._real_shape = mi.UInt32(0)
         if self.has_real:
-            self._real_shape = dr.opaque(mi.UInt32, registered(mi.ShapePtr(real["real"])))
+            self._real_shape = dr.opaque(mi.UInt32, registered(mi.ShapePtr(self._real_shapes["real"])))
         self._fill_tables(surfaces)
+        self._add_synthetic(shapes)
+
+    def with_synthetic(self, shapes: Sequence[mi.Shape]) -> TracedSurfaces:
+        """The same real surfaces with these synthetic shapes."""
+        traced = copy(self)
+        traced._add_synthetic(shapes)
+        return traced
+
+    def _add_synthetic(self, shapes: Sequence[mi.Shape]) -> None:
+        new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
+        self.has_synthetic = len(shapes) > 0
+        self.synthetic = _scene(new)
+        self.all = _scene({**self._real_shapes, **new})
+        self.materials = Materials(shapes)
 
     def _blockers(self, surfaces: RealSurfaces, black: mi.BSDF) -> mi.Scene:
         """The real surfaces without openings: what keeps a declared sun out."""

@@ -53,6 +53,7 @@ def read_depth_image(
     sky: bool = False,
     kind: Kind | None = None,
     sky_beyond: float | None = None,
+    channel: str | None = None,
 ) -> DepthImage:
     """Read an equirectangular depth image.
 
@@ -64,12 +65,13 @@ def read_depth_image(
             numbers by which renderers mark them.
         kind: what the file holds; ``None`` is distances along the rays, if they look like such.
         sky_beyond: metres from which on a distance is sky.
+        channel: of an OpenEXR file, where it is not found by itself.
 
     Raises:
         InputError: the file is missing, unreadable, of another format or shape, holds whole numbers and is given without
             a scale, holds distances along the viewing axis though no kind is given, or nothing is measured in it.
     """
-    values, whole = read_distances(path)
+    values, whole = read_distances(path, channel)
     if values.shape[0] < 8:
         raise InputError(f"{path}: depth has {values.shape[0]} rows; at least 8 are needed")
     if whole and scale is None:

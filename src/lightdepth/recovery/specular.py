@@ -13,6 +13,7 @@ import cv2
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.row_bands import bands
@@ -75,8 +76,8 @@ def with_fitted_glosses(place: Place, surfaces: RealSurfaces) -> RealSurfaces:
     return replace(surfaces, glosses=fit_glosses(place, surfaces))
 
 
-def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> Place:
-    """The place with the radiance ``S`` that its specular lobes mirror to the capture point, pixel by pixel (eq. 6b).
+def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> NDArray[np.float32] | None:
+    """The radiance ``S`` that specular lobes mirror to the capture point, pixel by pixel (eq. 6b).
 
     In the layout of the panorama, since a lobe mirrors narrow things: at the vertices of the irradiance mesh they would
     be lost.
@@ -85,9 +86,12 @@ def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> Pla
         place: the place before insertion, traced with ``surfaces``.
         surfaces: the real surfaces.
         seed: of the samples.
+
+    Returns:
+        Shape (h, 2 h, 3), for :meth:`~lightdepth.place.place.Place.with_mirrored`; ``None`` where nothing is glossy.
     """
     if not surfaces.glosses:
-        return place
+        return None
     generator = np.random.default_rng(seed)
     height = min(MAP_HEIGHT, place.photograph.map.height)
     image = np.zeros((height, 2 * height, 3), np.float32)
@@ -107,5 +111,4 @@ def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> Pla
     weight = (image > 0.0).any(axis=2).astype(np.float32)
     # Neighbours share their noise; beyond the surface's edge the value goes on, for lookups between the two.
     size = (BLUR, BLUR)
-    blurred = cv2.blur(image, size) / np.maximum(cv2.blur(weight, size), 1e-6)[..., None]
-    return place.with_mirrored(blurred)
+    return np.asarray(cv2.blur(image, size) / np.maximum(cv2.blur(weight, size), 1e-6)[..., None], np.float32)

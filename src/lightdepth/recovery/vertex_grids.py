@@ -13,11 +13,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
 from lightdepth.recovery.mesh_refinement import RefinedMesh
+from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 
-TRIANGLE = 8
-"""Nodes that take as much memory, and so time, as a triangle that is traced."""
-FAR_FROM_BEST = 1.5
-"""Times the least cost so far beyond which still larger triangles are not tried."""
 FINEST = 1 << 20
 """Parts of an edge beyond which no halving goes."""
 
@@ -50,7 +47,7 @@ class Grids:
         return replace(self, mesh=mesh, divisions=self.divisions[chosen], first_node=self.first_node[chosen])
 
 
-def lay_out(finest: RefinedMesh) -> Grids:
+def lay_out(finest: RefinedMesh, parameters: RecoveryParameters = DEFAULT) -> Grids:
     """Grids for values at the vertices of a mesh, on that of the meshes it was refined from which costs least.
 
     Larger triangles are fewer and share more of their nodes, but where a part of one is fine, all of it has to be.
@@ -66,10 +63,10 @@ def lay_out(finest: RefinedMesh) -> Grids:
     least = np.inf
     while True:
         steps, divisions = _on_grid(finest, mesh, block)
-        cost = int(_count(divisions).sum()) + TRIANGLE * len(divisions)
+        cost = int(_count(divisions).sum()) + parameters.triangle_cost * len(divisions)
         if cost < least:
             best, least = (mesh, block, steps, divisions), cost
-        if mesh.coarser is None or cost > FAR_FROM_BEST * least:
+        if mesh.coarser is None or cost > parameters.far_from_best * least:
             break
         mesh, block = mesh.coarser, mesh.piece_of[block]
     assert best is not None

@@ -8,14 +8,18 @@ from dataclasses import fields, is_dataclass, replace
 from enum import Enum
 from pathlib import Path
 from typing import Any
-from weakref import WeakKeyDictionary
+from weakref import WeakKeyDictionary, finalize
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel
 
 from lightdepth.scene.model import CameraView, RenderSettings, Scene
 
+LARGE = 1 << 16
+"""Bytes from which on the digest of an array is kept."""
 _known: WeakKeyDictionary[Scene, str] = WeakKeyDictionary()
+_arrays: dict[int, bytes] = {}
 
 
 def scene_digest(scene: Scene) -> str:
@@ -36,6 +40,11 @@ def _scene_digest(scene: Scene) -> str:
     return digest(panorama, scene.real, scene.lights, scene.synthetic, settings, seed)
 
 
+def place_digest(scene: Scene) -> str:
+    """Digest of what belongs to the photographed place: panorama, real surfaces and lights, but no object or setting."""
+    return digest(replace(scene.panorama, path=None, repairs=()), scene.real, scene.lights)
+
+
 def view_digest(view: CameraView) -> str:
     """Digest of a camera and its pose, in hexadecimal."""
     return digest(view)
@@ -53,12 +62,25 @@ def digest(*values: Any) -> str:
     return state.hexdigest()[:32]
 
 
+def _bytes(array: NDArray) -> memoryview:
+    return np.ascontiguousarray(array).reshape(-1).view(np.uint8).data
+
+
+def _array_digest(array: NDArray) -> bytes:
+    """Digest of an array's numbers, computed once for each array in memory: scenes that differ in little share many."""
+    number = id(array)
+    if number not in _arrays:
+        _arrays[number] = hashlib.sha256(_bytes(array)).digest()
+        finalize(array, _arrays.pop, number, None)
+    return _arrays[number]
+
+
 def _chunks(value: Any) -> Iterator[bytes | memoryview]:
     """The value as bytes from which it could be told from every other one."""
     yield f"<{type(value).__name__}".encode()
     if isinstance(value, np.ndarray):
         yield f"{value.dtype.str}{value.shape}".encode()
-        yield np.ascontiguousarray(value).reshape(-1).view(np.uint8).data
+        yield _array_digest(value) if value.nbytes > LARGE else _bytes(value)
     elif is_dataclass(value) and not isinstance(value, type):
         for field in fields(value):
             yield field.name.encode()

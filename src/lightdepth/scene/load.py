@@ -19,7 +19,7 @@ from lightdepth.scene.depth import read_depth
 from lightdepth.scene.lights import ClippedTable, SunTable
 from lightdepth.scene.lights.clipped import unclipped
 from lightdepth.scene.materials import Principled, Texture
-from lightdepth.scene.meshes import MeshPart, Note, read_mesh_file
+from lightdepth.scene.meshes import MeshPart, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
 from lightdepth.scene.meshes.geometry import merged, placed, placement
 from lightdepth.scene.meshes.mirrored import split_mirrored
@@ -92,10 +92,9 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     """
     tables, problems = read_tables(path)
     real: list[RealSurface] = []
-    notes: list[str] = []
     for number, surface in enumerate(tables.real):
         with problems.noting(("real", number)):
-            real += [] if surface is None else [_real_surface(surface, notes.append)]
+            real += [] if surface is None else [_real_surface(surface)]
     pose = tables.pose or CapturePose()
     panorama = _panorama(pose, tables.picture, repair, problems)
     lights: list[SunLight] = []
@@ -109,7 +108,7 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     synthetic: list[SyntheticObject] = []
     for number, thing in enumerate(tables.synthetic):
         with problems.noting(("synthetic", number)):
-            synthetic += [] if thing is None else [_synthetic_object(thing, panorama, real, notes.append)]
+            synthetic += [] if thing is None else [_synthetic_object(thing, panorama, real)]
     cameras: dict[str, CameraView] = {}
     for name, camera in tables.cameras.items():
         with problems.noting(("camera", name)):
@@ -126,7 +125,6 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
         render,
         path,
         lights=tuple(lights),
-        notes=tuple(dict.fromkeys(notes)),
     )
     return Contents(None if tables.pose is None else scene, len(tables.real) - len(real), problems.messages)
 
@@ -155,8 +153,8 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
     return panorama
 
 
-def _real_surface(table: RealTable, note: Note) -> RealSurface:
-    mesh = merged([part.mesh for part in read_mesh_file(table.mesh, with_materials=False, note=note)])
+def _real_surface(table: RealTable) -> RealSurface:
+    mesh = merged([part.mesh for part in read_mesh_file(table.mesh, with_materials=False)])
     if table.rest is not None:
         mesh = replace(mesh, rest=_rest_positions(table.rest, mesh, table.mesh))
     return RealSurface(
@@ -191,10 +189,10 @@ def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.float
 
 
 def _synthetic_object(
-    table: MeshObject | SphereObject | UnitShapeObject, panorama: Panorama, real: Sequence[RealSurface], note: Note
+    table: MeshObject | SphereObject | UnitShapeObject, panorama: Panorama, real: Sequence[RealSurface]
 ) -> SyntheticObject:
     if isinstance(table, MeshObject):
-        parts = read_mesh_file(table.mesh, with_materials=table.material is None, note=note)
+        parts = read_mesh_file(table.mesh, with_materials=table.material is None)
         to_world = _to_world(table, [part.mesh for part in parts], panorama, real)
         standing = [_part(part, to_world, table) for part in parts]
         pieces = [piece for part in standing for half in split_mirrored(part) for piece in split_emissive(half)]

@@ -210,7 +210,6 @@ class Scene:
         cameras: by name.
         render: settings.
         path: the scene file, where it comes from one.
-        notes: what files say that is left out or taken otherwise, a message for each.
     """
 
     panorama: Panorama
@@ -220,4 +219,3 @@ class Scene:
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
     lights: tuple[SunLight, ...] = ()
-    notes: tuple[str, ...] = ()

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lightdepth.cameras import CameraSettings
 from lightdepth.scene.lights import LightSettings
 from lightdepth.scene.materials import MaterialSettings
 from lightdepth.scene.values import InputFile, Name, Number, Pair, Scale, Table, Vector3, Whole
+
+FORMAT = 1
+"""Version of the scene file's format; files without one have the first. It grows when a key changes its meaning."""
 
 
 class Placed(Table):
@@ -155,6 +158,12 @@ class RenderTable(Table):
     irradiance_samples: Whole = Field(default=1024, ge=16, le=1 << 20, multiple_of=2)
 
 
+def _known_format(version: int) -> int:
+    if version > FORMAT:
+        raise ValueError(f"must be at most {FORMAT}, the newest format that this version of lightdepth reads")
+    return version
+
+
 class SceneFile(Table):
     """The whole file."""
 
@@ -164,3 +173,4 @@ class SceneFile(Table):
     synthetic: list[SyntheticTable] = Field(default_factory=list)
     camera: dict[Name, CameraSettings] = Field(default_factory=dict)
     render: RenderTable = RenderTable()
+    format: Annotated[Whole, Field(ge=1), AfterValidator(_known_format)] = 1

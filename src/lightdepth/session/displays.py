@@ -61,21 +61,21 @@ class PngDisplay:
 
     Args:
         file: where to write; its folder is made.
-        exposure: in stops; ``None`` takes it from the photograph.
+        exposure: stops by which it is lighter than the panorama's own brightness asks for.
     """
 
-    def __init__(self, file: Path, exposure: float | None = None) -> None:
+    def __init__(self, file: Path, exposure: float = 0.0) -> None:
         self.file: Path | None = file
         self.layers: Collection[str] | None = ()
         self._exposure = exposure
 
     def show(self, frame: Frame, finished: bool) -> None:
         """As for every display."""
-        from lightdepth.film.layers import write_picture
+        from lightdepth.film.layers import picture_exposure, write_picture
 
         assert self.file is not None
         _make_folder(self.file)
-        write_picture(self.file, frame, self._exposure)
+        write_picture(self.file, frame, picture_exposure(frame) + self._exposure)
 
 
 class MemoryDisplay:

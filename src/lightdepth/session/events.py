@@ -109,11 +109,13 @@ class Done(Event):
     Attributes:
         file: as for :class:`Picture`; ``None`` as well where it was interrupted before there was a picture.
         interrupted: whether it was cancelled before all samples were taken.
+        exposure: stops at which the panorama's own brightness shows the picture; ``None`` without a picture.
     """
 
     kind: ClassVar[str] = "done"
     file: str | None = None
     interrupted: bool = False
+    exposure: float | None = None
 
 
 KINDS: dict[str, type[Event]] = {

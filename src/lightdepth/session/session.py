@@ -52,6 +52,7 @@ class Job:
         checkpoint_seconds: between two of them, at least.
         resume: go on from ``checkpoint`` where it exists.
         preview_seconds: between two unfinished pictures, at least; ``None`` shows none.
+        cache: use and fill the cache of prepared places on disk.
     """
 
     camera: str | None = None
@@ -69,6 +70,7 @@ class Job:
     checkpoint_seconds: float = CHECKPOINT_SECONDS
     resume: bool = False
     preview_seconds: float | None = None
+    cache: bool = True
 
 
 class Session:
@@ -237,10 +239,12 @@ class Session:
 
             self._report(Stage("denoising"))
             frame = denoise(frame)
+        from lightdepth.film.layers import picture_exposure
+
         file = self._show(frame, finished=True)
         if job.checkpoint is not None and not interrupted:
             remove_checkpoint(job.checkpoint)
-        return self._done(Done(file, interrupted))
+        return self._done(Done(file, interrupted, round(picture_exposure(frame), 3)))
 
     def _done(self, event: Done) -> Done:
         if not self._interrupted:
@@ -261,6 +265,7 @@ class Session:
                 lambda message: self._report(Caution(message)),
                 job.draft,
                 job.share,
+                job.cache,
             )
         LOGGER.info("prepared seconds=%.2f pixels=%d", time.monotonic() - began, len(rendering.pixels))
         if job.merged is not None:

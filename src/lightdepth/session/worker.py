@@ -63,7 +63,7 @@ class RenderRequest(BaseModel):
     region: tuple[int, int, int, int] | None = None
     preview_seconds: float | None = Field(default=None, gt=0.0)
     picture: bool = False
-    exposure: float | None = None
+    exposure: float = 0.0
     layers: list[str] | None = None
     repair: bool = False
 

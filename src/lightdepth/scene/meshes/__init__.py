@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 from lightdepth.files import is_file
 from lightdepth.scene.meshes.geometry import checked
 from lightdepth.scene.meshes.gltf import read_gltf
@@ -27,17 +27,13 @@ READERS: dict[str, Callable[[Path, bool, Note], list[MeshPart]]] = {
 """Readers by file name extension. They take the file, whether materials are wanted, and a function for notes."""
 
 
-def read_mesh_file(
-    path: Path, with_materials: bool, keep_flat: bool = False, note: Note = lambda message: None
-) -> list[MeshPart]:
-    """Read a mesh file and check it.
+def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) -> list[MeshPart]:
+    """Read a mesh file and check it; each thing that it says and that is left out, or taken otherwise, is warned of.
 
     Args:
         path: the file.
         with_materials: read the materials, too; without, the parts have none.
         keep_flat: keep triangles without area, so that faces stay numbered as in the file.
-        note: called with each thing that the file says and that is left out or taken otherwise, one line each, which
-            begins with the file.
 
     Returns:
         The file's parts in its own coordinates, z up, metres.
@@ -55,7 +51,7 @@ def read_mesh_file(
     def note_once(message: str) -> None:
         if message not in noted:
             noted.add(message)
-            note(f"{path}: {message}")
+            warn(f"{path}: {message}")
 
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # What is not finite is found below.
@@ -70,4 +66,4 @@ def read_mesh_file(
         raise InputError(f"{path}: {error}") from error
 
 
-__all__ = ["READERS", "MeshPart", "Note", "read_mesh_file"]
+__all__ = ["READERS", "MeshPart", "read_mesh_file"]

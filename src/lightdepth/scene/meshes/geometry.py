@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import euler_rotation
+from lightdepth.scene.meshes.rows import unique_rows
 from lightdepth.scene.model import Mesh
 
 Triple = tuple[float, float, float]
@@ -143,8 +144,8 @@ def _complete_normals(mesh: Mesh, normals: NDArray[np.float32]) -> NDArray[np.fl
 
 def is_closed(mesh: Mesh) -> bool:
     """Whether the mesh encloses a volume: every edge belongs to two faces, vertices at the same place being one."""
-    _, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
-    faces = index.reshape(-1)[mesh.faces]
+    _, index = unique_rows(mesh.vertices)
+    faces = index[mesh.faces]
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     _, counts = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     return bool(len(counts) > 0 and (counts == 2).all())

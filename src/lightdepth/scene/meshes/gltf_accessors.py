@@ -52,7 +52,13 @@ class GltfAccessors:
         values = self._values(index)
         if values.shape[1] not in widths:
             raise self._wrong(index, f"{' or '.join(map(str, widths))} numbers in each element")
-        return as_shares(values, self.entry(index).normalized)
+        return _as_shares(values, self.entry(index).normalized)
+
+    def as_described(self, index: int, values: NDArray[Any]) -> NDArray[np.float64]:
+        """Numbers that were stored elsewhere, perhaps in a wider type, as the accessor's would be meant."""
+        kind = _COMPONENTS.get(self.entry(index).component_type, "<f4")
+        stored = values if values.dtype.kind == "f" else values.astype(kind)
+        return _as_shares(stored, self.entry(index).normalized)
 
     def _wrong(self, index: int, needed: str) -> InputError:
         accessor = self.entry(index)
@@ -125,7 +131,7 @@ class GltfAccessors:
         return replaced
 
 
-def as_shares(values: NDArray[Any], normalized: bool) -> NDArray[np.float64]:
+def _as_shares(values: NDArray[Any], normalized: bool) -> NDArray[np.float64]:
     """Numbers in double precision; normalised integers are divided by the largest of their type."""
     found = values.astype(np.float64)
     if normalized and values.dtype.kind in "iu":

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
 from lightdepth.scene.meshes.geometry import unit
-from lightdepth.scene.meshes.gltf_accessors import GltfAccessors, as_shares
+from lightdepth.scene.meshes.gltf_accessors import GltfAccessors
 from lightdepth.scene.meshes.gltf_draco import DracoPrimitive
 from lightdepth.scene.meshes.gltf_file import GltfFile
 from lightdepth.scene.meshes.gltf_schema import Primitive
@@ -75,7 +75,7 @@ class GltfPrimitive:
         if self._draco is not None and (found := self._draco.attribute(name)) is not None:
             if found.shape[1] not in widths:
                 raise InputError(f"{self._file.path}: {self._place}: {name} has {found.shape[1]} numbers per element")
-            return as_shares(found, self._accessors.entry(index).normalized)
+            return self._accessors.as_described(index, found)
         return self._accessors.floats(index, *widths)
 
     def joints(self, name: str) -> NDArray[np.int64] | None:

@@ -29,7 +29,6 @@ _APPLIED = frozenset(
     }
 )  # fmt: skip
 _MEANINGLESS = frozenset({"ka", "map_ka", "illum", "ni", "sharpness", "map_aat"})
-_VOID = frozenset({"0", "0.0", "off"})
 _GLASS = frozenset({"4", "6", "7", "9"})
 """Illumination models that refract or let light through."""
 
@@ -106,9 +105,7 @@ class _Reader:
     def name_the_rest(self) -> None:
         """Note what is not carried, unless it says nothing."""
         for key, statement in self.statements.items():
-            if key in _APPLIED or key in _MEANINGLESS or set(statement.rest.split()) <= _VOID:
-                continue
-            if key == "tf" and set(statement.rest.split()) <= {"1", "1.0", "1.00", "1.000", "1.0000", "1.000000"}:
+            if key in _APPLIED or key in _MEANINGLESS or _says_nothing(statement.rest, 1.0 if key == "tf" else 0.0):
                 continue
             self.note(f"{statement.place}: '{statement.keyword[:20]}' of material '{self.name[:40]}' is left out")
         illum = self.statements.get("illum")
@@ -278,6 +275,11 @@ def _split_options(rest: str) -> tuple[list[tuple[str, list[str]]], str]:
     return options, remaining
 
 
+def _says_nothing(text: str, nothing: float) -> bool:
+    """Whether all words are the number that has no effect, or ``off``."""
+    return all(word == "off" or (_is_number(word) and float(word) == nothing) for word in text.split())
+
+
 def _is_number(word: str) -> bool:
     try:
         return math.isfinite(float(word))
@@ -329,7 +331,7 @@ class _Options:
                 found["clamp"] = values == ["on"]
             elif key == "-imfchan" and values:
                 found["source"] = values[0].lower()
-            elif key in ("-t", "-boost", "-cc", "-type", "-colorspace") and not set(values) <= _VOID:
+            elif key in ("-t", "-boost", "-cc", "-type", "-colorspace") and not _says_nothing(" ".join(values), 0.0):
                 note(f"{statement.place}: option {key} of {statement.keyword} is left out")
         return cls(path, statement.keyword, **found)
 

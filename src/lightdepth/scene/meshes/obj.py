@@ -16,6 +16,7 @@ from lightdepth.scene.meshes.geometry import unit
 from lightdepth.scene.meshes.mtl import MtlLibrary
 from lightdepth.scene.meshes.part import MeshPart, Note
 from lightdepth.scene.meshes.polygons import triangulated
+from lightdepth.scene.meshes.rows import unique_rows
 from lightdepth.scene.meshes.text_file import decoded, logical_lines, named_file
 from lightdepth.scene.model import Mesh
 
@@ -101,11 +102,21 @@ class _Content:
             key, values = words[0], words[1:]
             if "#" in line and key not in ("usemtl", "mtllib", "g", "o"):
                 values = line.split("#")[0].split()[1:]
-            if key in rows:
+            if key in ("f", "fo"):
+                if len(values) < 3:
+                    self.note(f"faces of fewer than three corners are left out, the first is on line {number}")
+                    continue
+                corners = known[group]
+                try:
+                    self.faces += [corners[word] for word in values]
+                except KeyError:
+                    self.faces += self._new_corners(values, number, group, corners)
+                self.sizes.append(len(values))
+                self.face_lines.append(number)
+                self.face_materials.append(self.materials.setdefault(material, len(self.materials)))
+            elif key in rows:
                 rows[key].append(values)
                 self.lines[key].append(number)
-            elif key in ("f", "fo"):
-                self._face(values, number, material, group, known[group])
             elif key == "usemtl":
                 material = line.split(None, 1)[1].strip() if values else None
             elif key == "mtllib":
@@ -129,10 +140,9 @@ class _Content:
         elif key not in _WITHOUT_EFFECT and key not in _OF_FREE_FORM:
             self.note(f"statements '{key[:20]}' are not known and are left out, the first is on line {number}")
 
-    def _face(self, words: list[str], number: int, material: str | None, group: int, known: dict[str, int]) -> None:
-        if len(words) < 3:
-            self.note(f"faces of fewer than three corners are left out, the first is on line {number}")
-            return
+    def _new_corners(self, words: list[str], number: int, group: int, known: dict[str, int]) -> list[int]:
+        """The corners of a face of which some are not known yet."""
+        found = []
         for word in words:
             corner = known.get(word)
             if corner is None:
@@ -140,10 +150,8 @@ class _Content:
                 self.corners.append((*self._corner(word, number), group))
                 if "-" not in word:  # Relative ones mean others further down.
                     known[word] = corner
-            self.faces.append(corner)
-        self.sizes.append(len(words))
-        self.face_lines.append(number)
-        self.face_materials.append(self.materials.setdefault(material, len(self.materials)))
+            found.append(corner)
+        return found
 
     def _corner(self, word: str, number: int) -> tuple[int, int, int]:
         """Positions in the lists of vertices, texture coordinates and normals, -1 for none."""
@@ -213,18 +221,19 @@ class _Content:
 
     def _numbers(self, key: str, rows: list[list[str]], width: int, pad: bool = False) -> NDArray[np.float64]:
         """The first numbers of each row, shape (n, width); short rows may be filled up with zeros."""
+        if pad:
+            rows = [row if len(row) >= width else [*row, *["0"] * (width - len(row))] for row in rows]
         try:
-            if pad:
-                rows = [row if len(row) >= width else [*row, *["0"] * (width - len(row))] for row in rows]
-            return np.array([row[:width] for row in rows], dtype=np.float64).reshape(-1, width)
+            found = np.array([float(word) for row in rows for word in row[:width]], np.float64)
         except ValueError:
-            for number, row in zip(self.lines[key], rows, strict=True):
-                if len(row) < width or not all(_is_number(word) for word in row[:width]):
-                    found = " ".join(row)[:60]
-                    raise InputError(
-                        f"{self.path}: line {number}: '{key}' needs {width} numbers, found '{found}'"
-                    ) from None
-            raise InputError(f"{self.path}: its '{key}' lines are not numbers") from None
+            found = np.zeros(0)
+        if len(found) == width * len(rows):
+            return found.reshape(-1, width)
+        for number, row in zip(self.lines[key], rows, strict=True):
+            if len(row) < width or not all(_is_number(word) for word in row[:width]):
+                line = " ".join(row)[:60]
+                raise InputError(f"{self.path}: line {number}: '{key}' needs {width} numbers, found '{line}'")
+        raise InputError(f"{self.path}: its '{key}' lines are not numbers")
 
     def _check(self, corners: NDArray[np.int64], counts: tuple[int, int, int]) -> None:
         """Refuse faces that name what the file does not have."""
@@ -280,15 +289,15 @@ class _Attributes:
         used = triangles[lacking[triangles].any(axis=1)]
         points = self.vertices[self.corners[used, 0]]
         normals = unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]))
-        keys, place = np.unique(self.corners[lacking][:, [0, 3]], axis=0, return_inverse=True)
+        first, place = unique_rows(self.corners[lacking][:, [0, 3]])
         of_corner = np.full(len(self.corners), -1, np.int64)
-        of_corner[lacking] = place.reshape(-1)
-        sums = np.zeros((len(keys), 3))
+        of_corner[lacking] = place
+        sums = np.zeros((len(first), 3))
         for i in range(3):
             concerned = lacking[used[:, i]]
             # Weighted by the angle there, so that it does not matter how polygons were cut into triangles.
-            first, second = unit(points[:, i - 2] - points[:, i]), unit(points[:, i - 1] - points[:, i])
-            angles = np.arccos(np.clip(np.sum(first * second, axis=1), -1.0, 1.0))
+            ahead, back = unit(points[:, i - 2] - points[:, i]), unit(points[:, i - 1] - points[:, i])
+            angles = np.arccos(np.clip(np.sum(ahead * back, axis=1), -1.0, 1.0))
             np.add.at(sums, of_corner[used[concerned, i]], (normals * angles[:, None])[concerned])
         self.corners = self.corners.copy()
         self.corners[lacking, 2] = len(self.normals) + of_corner[lacking]
@@ -296,10 +305,10 @@ class _Attributes:
 
     def mesh(self, triangles: NDArray[np.int64], with_uv: bool, with_normals: bool) -> Mesh:
         """Triangles of corners as a mesh, its vertices in the order of the file's."""
-        joined = self.corners[triangles.reshape(-1), :3].copy()
-        joined[:, 1] = joined[:, 1] if with_uv else -1
-        joined[:, 2] = joined[:, 2] if with_normals else -1
-        unique, index = np.unique(joined, axis=0, return_inverse=True)
+        used, of_used = np.unique(triangles, return_inverse=True)
+        rows = self.corners[used, :3]
+        first, of_row = unique_rows(rows[:, [0, *([1] if with_uv else []), *([2] if with_normals else [])]])
+        unique, index = rows[first], of_row[of_used.reshape(-1)]
         uv = self.texture_coordinates[unique[:, 1]].astype(np.float32) if with_uv else None
         return Mesh(
             vertices=self.vertices[unique[:, 0]],

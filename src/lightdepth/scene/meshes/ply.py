@@ -17,6 +17,7 @@ from lightdepth.scene.materials.texture import decoded_srgb
 from lightdepth.scene.meshes.part import MeshPart, Note
 from lightdepth.scene.meshes.ply_file import Element, Lists, PlyFile, read_ply_file
 from lightdepth.scene.meshes.polygons import triangulated
+from lightdepth.scene.meshes.rows import unique_rows
 from lightdepth.scene.meshes.strips import strip_triangles
 from lightdepth.scene.meshes.text_file import named_file
 from lightdepth.scene.model import Mesh
@@ -211,7 +212,9 @@ def _part(mesh: Mesh, faces: _Faces, texture: Texture | None) -> MeshPart:
     if by_face:
         assert faces.colors is not None
         rows.append(np.repeat(faces.colors, 3, axis=0).astype(np.float64))
-    table, index = np.unique(np.concatenate(rows, axis=1), axis=0, return_inverse=True)
+    table = np.concatenate(rows, axis=1)
+    first, index = unique_rows(table)
+    table = table[first]
     source = table[:, 0].astype(np.int64)
     uv = None if uv is None else uv[source]
     colors = None if colors is None else colors[source]

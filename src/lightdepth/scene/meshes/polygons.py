@@ -45,7 +45,12 @@ def triangulated(points: NDArray[np.float64], sizes: NDArray[np.int64]) -> Trian
             corners.append(index)
             owners.append(which)
             continue
-        origin, good = _fan_origins(points, index)
+        if size == 4:
+            origin, sound = _quad_origins(points, index)
+            good = np.ones(len(which), np.bool_)  # Two triangles are all that there can be.
+            crossing += which[~sound].tolist()
+        else:
+            origin, good = _fan_origins(points, index)
         turned = np.take_along_axis(index, (origin[:, None] + np.arange(size)) % size, axis=1)[good]
         fans = np.stack([np.broadcast_to(turned[:, :1], turned[:, 2:].shape), turned[:, 1:-1], turned[:, 2:]], axis=2)
         corners.append(fans.reshape(-1, 3))
@@ -74,15 +79,31 @@ def _fan_origins(points: NDArray[np.float64], index: NDArray[np.int64]) -> tuple
     squares = np.einsum("ni,ni->n", normal, normal)[:, None]
     for least in (1e-9, 0.0):
         for first in range(min(size, _LARGEST_TRIED)):
-            fan = points[np.roll(index, -first, axis=1)]
-            spokes = fan[:, 1:] - fan[:, :1]
-            areas = np.einsum("nij,nj->ni", np.cross(spokes[:, :-1], spokes[:, 1:]), normal)
+            areas = _fan_areas(points, np.roll(index, -first, axis=1), normal)
             fits = ~good & (areas >= least * squares).all(axis=1)
             origin[fits] = first
             good |= fits
             if good.all():
                 return origin, good
     return origin, good
+
+
+def _quad_origins(points: NDArray[np.float64], index: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """From which corner the better of the two diagonals of quads runs, and whether no triangle is then turned over."""
+    normal = _newell(points, index)
+    least = np.stack([_fan_areas(points, np.roll(index, -first, axis=1), normal).min(axis=1) for first in (0, 1)])
+    # The first diagonal unless it runs outside, or along an edge.
+    origin = (least[0] < 1e-9 * np.einsum("ni,ni->n", normal, normal)) & (least[1] > least[0])
+    return origin.astype(np.int64), np.where(origin, least[1], least[0]) >= 0.0
+
+
+def _fan_areas(
+    points: NDArray[np.float64], fans: NDArray[np.int64], normal: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Areas of the triangles of fans from the first corner of polygons, against a normal of each, shape (k, n - 2)."""
+    spokes = points[fans[:, 1:]] - points[fans[:, :1]]
+    areas: NDArray[np.float64] = np.einsum("nij,nj->ni", np.cross(spokes[:, :-1], spokes[:, 1:]), normal)
+    return areas
 
 
 def _newell(points: NDArray[np.float64], index: NDArray[np.int64]) -> NDArray[np.float64]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
 from lightdepth.scene.meshes.part import MeshPart, Note
+from lightdepth.scene.meshes.rows import unique_rows
 from lightdepth.scene.model import Mesh
 
 _HEAD, _ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -27,8 +28,9 @@ def read_stl(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
     corners = _ascii(path, content) if _is_ascii(content) else _binary(path, content, with_materials, note)
     if not len(corners):
         return []
-    unique, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    return [MeshPart(Mesh(vertices=unique, faces=index.reshape(-1, 3).astype(np.int32)))]
+    positions = corners.reshape(-1, 3)
+    first, index = unique_rows(positions)
+    return [MeshPart(Mesh(vertices=positions[first], faces=index.reshape(-1, 3).astype(np.int32)))]
 
 
 def _is_ascii(content: bytes) -> bool:
