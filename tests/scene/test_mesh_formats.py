@@ -10,7 +10,7 @@ from PIL import Image
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.scene.materials import Principled, VertexColors
 from lightdepth.scene.meshes import read_mesh_file
-from lightdepth.scene.meshes.geometry import face_areas
+from lightdepth.scene.meshes.geometry import face_areas, placed, placement
 from tests.scene.gltf_writer import QUAD, data_uri, gltf_document, png
 
 
@@ -282,6 +282,61 @@ def test_skins_with_several_joints_blend(read):
     document["skins"] = [{"joints": [1, 2]}]
     (part,), _ = read("a.gltf", document)
     np.testing.assert_allclose(part.mesh.vertices[:, 1], [-4, 0, -2, -2])  # z of glTF is -y here
+
+
+def test_far_nodes_keep_the_shape_of_their_mesh(read):
+    """A map's coordinates in the nodes, as photogrammetry has them."""
+    document = gltf_document(
+        nodes=[{"children": [1], "translation": [5e5, 100, -5.6e6]}, {"mesh": 0, "scale": [0.3] * 3}]
+    )
+    (part,), _ = read("a.gltf", document)
+    mesh = placed(part.mesh, placement((-5e5, -5.6e6, -100), (0, 0, 0), (1, 1, 1)))
+    np.testing.assert_allclose(mesh.vertices, np.array(QUAD["POSITION"])[:, [0, 2, 1]] * [0.3, -0.3, 0.3], atol=1e-6)
+
+
+GLOSS = {"diffuseFactor": [0.5, 0.5, 0.5, 0.5], "specularFactor": [0.5, 0.5, 0.5], "glossinessFactor": 0.5}
+
+
+def spec_gloss(**settings):
+    return {"extensions": {"KHR_materials_pbrSpecularGlossiness": settings}, "alphaMode": "BLEND"}
+
+
+def test_specular_glossiness_has_its_textures(read):
+    """The diffuse texture with its alpha; glossiness in the other's alpha, its colour as reflection."""
+    gold = png(np.full((2, 2, 4), [188, 188, 188, 128]))
+    textures = {"diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 1}}
+    images = [png(np.full((2, 2, 4), [255, 188, 0, 51])), gold]
+    (part,), notes = read("a.gltf", gltf_document(material=spec_gloss(**GLOSS, **textures), images=images))
+    material = part.material
+    np.testing.assert_allclose(material.base_color.pixels[0, 0], [0.5, 0.5 * 0.503, 0], atol=1e-3)
+    assert material.opacity == pytest.approx(0.5 * 51 / 255, abs=1e-3)
+    assert material.roughness == pytest.approx(1 - 0.5 * 128 / 255, abs=1e-3)
+    assert ((material.ior - 1) / (material.ior + 1)) ** 2 == pytest.approx(0.5 * 0.503, abs=1e-3)
+    assert material.metallic == 0.0
+    assert len(notes) == 1
+    assert "reflects 25 % at normal incidence" in notes[0]
+
+
+def test_specular_glossiness_without_a_diffuse_colour_is_a_metal(read):
+    gold = {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [1.0, 0.77, 0.34], "glossinessFactor": 0.8}
+    (part,), notes = read("a.gltf", gltf_document(material=spec_gloss(**gold)))
+    assert part.material.base_color == pytest.approx((1.0, 0.77, 0.34))
+    assert (part.material.metallic, part.material.roughness) == (1.0, pytest.approx(0.2))
+    assert notes == []
+
+
+def test_a_texture_falls_back_to_an_image_that_can_be_read(read):
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    document = gltf_document(material=material, images=[b"\xabKTX 20\xbb\r\n\x1a\n", png([[[255, 255, 255]]])])
+    document["textures"] = [{"source": 1, "extensions": {"KHR_texture_basisu": {"source": 0}}}]
+    (part,), _ = read("a.gltf", document)
+    assert part.material.base_color.pixels.shape == (1, 1, 3)
+    del document["textures"][0]["source"]
+    with pytest.raises(InputError, match="image 0 .* cannot be read"):
+        read("a.gltf", document)
+    document["textures"] = [{}]
+    with pytest.raises(InputError, match="texture 0 names no image"):
+        read("a.gltf", document)
 
 
 def test_what_gltf_says_and_is_not_carried_is_named(read):
