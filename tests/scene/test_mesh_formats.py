@@ -203,6 +203,12 @@ def test_binary_stl_may_begin_with_solid(read):
         read("a.stl", binary_stl(2, b"x"))
 
 
+def test_binary_stl_may_have_forgotten_its_count(read):
+    (part,), notes = read("a.stl", binary_stl(0))
+    assert area(part) == pytest.approx(0.5)
+    assert notes == ["says that it has no triangles, but has 1; these are read"]
+
+
 def test_ascii_stl_in_any_case(read):
     facet = "FACET NORMAL 0 0 1\n OUTER LOOP\n{}  ENDLOOP\n ENDFACET\n"
     vertices = "".join(f"  VERTEX {x} {y} {z}\n" for x, y, z in TRIANGLE)
