@@ -44,7 +44,7 @@ class GltfFile:
         content = path.read_bytes()
         self._binary: bytes | None = None
         self._buffers: dict[int, bytes] = {}
-        self._views: dict[int, bytes] = {}
+        self._views: dict[int, memoryview] = {}
         self._images: dict[int, NDArray[np.uint8]] = {}
         if content[:4] == _GLB_MAGIC:
             content = self._take_chunks(content)
@@ -118,7 +118,7 @@ class GltfFile:
                 raise InputError(f"{self.path}: buffer {index} has no data")
         return self._buffers[index]
 
-    def view(self, index: int) -> bytes:
+    def view(self, index: int) -> memoryview:
         """The bytes of a buffer view, decompressed."""
         if index not in self._views:
             view = self.entry(self.header.buffer_views, index, "buffer view")
@@ -130,10 +130,10 @@ class GltfFile:
                     f"{self.path}: buffer view {index} ends at byte {end} of buffer {packed.buffer}, which has "
                     f"{len(content)}; the file is cut off or damaged"
                 )
-            data = content[packed.byte_offset : end]
+            data = memoryview(content)[packed.byte_offset : end]
             if view.compression is not None:
                 try:
-                    data = decompressed(data, view.compression)
+                    data = memoryview(decompressed(bytes(data), view.compression))
                 except ValueError as error:
                     raise InputError(f"{self.path}: buffer view {index}: {error}") from error
             self._views[index] = data
@@ -144,7 +144,7 @@ class GltfFile:
         if index not in self._images:
             entry = self.entry(self.header.images, index, "image")
             if entry.buffer_view is not None:
-                data = self.view(entry.buffer_view)
+                data = bytes(self.view(entry.buffer_view))
             elif entry.uri is not None:
                 data = self._resource(entry.uri)
             else:
