@@ -11,7 +11,8 @@ from lightdepth.errors import InputError, InputWarning
 from lightdepth.scene.materials import Principled, VertexColors
 from lightdepth.scene.meshes import read_mesh_file
 from lightdepth.scene.meshes.geometry import face_areas, placed, placement
-from tests.scene.gltf_writer import QUAD, data_uri, gltf_document, png
+from lightdepth.scene.meshes.gltf_file import GltfFile
+from tests.scene.gltf_writer import QUAD, data_uri, gltf_document, png, write_glb
 
 
 @pytest.fixture
@@ -373,6 +374,23 @@ def test_what_gltf_says_and_is_not_carried_is_named(read):
         "points and lines are left out",
     ]
     assert read("a.gltf", document, materials=False)[1] == [notes[2], notes[3], notes[8]]
+
+
+def test_common_liberties_of_gltf_files_are_taken(read, tmp_path):
+    """Zeros behind the JSON of a .glb, bytes behind its end, names in another case, strides of 0, names of no kind."""
+    document = gltf_document(nodes=[{"mesh": 0, "name": None}])
+    for view in document["bufferViews"]:
+        view["byteStride"] = 0
+    document["buffers"].append({"byteLength": 3, "uri": "More%20Data.BIN"})
+    document["bufferViews"].append({"buffer": 1, "byteLength": 3})
+    (tmp_path / "more data.bin").write_bytes(b"abc")
+    write_glb(tmp_path / "thing.glb", document)
+    content = (tmp_path / "thing.glb").read_bytes()
+    end = 20 + int.from_bytes(content[12:16], "little")
+    (part,), notes = read("a.glb", content[:end].rstrip(b" ").ljust(end, b"\0") + content[end:] + b"tail of it")
+    assert area(part) == pytest.approx(4.0)
+    assert notes == []
+    assert GltfFile(tmp_path / "a.glb").view(len(document["bufferViews"]) - 1) == b"abc"
 
 
 @pytest.mark.parametrize(

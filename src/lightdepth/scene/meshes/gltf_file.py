@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
-from lightdepth.files import is_file
 from lightdepth.scene.materials.image import eight_bit
 from lightdepth.scene.meshes.gltf_basisu import KTX2_MAGIC, decoded_ktx2
 from lightdepth.scene.meshes.gltf_extensions import unsupported_extensions
 from lightdepth.scene.meshes.gltf_meshopt import decompressed
 from lightdepth.scene.meshes.gltf_schema import Header, checked_header
+from lightdepth.scene.meshes.text_file import named_file
 
 _GLB_MAGIC, _GLB_JSON, _GLB_BINARY = b"glTF", b"JSON", b"BIN\0"
 Entry = TypeVar("Entry")
@@ -83,6 +83,9 @@ class GltfFile:
         """Split a .glb file; keeps the binary chunk and returns the JSON."""
         if len(content) >= 8 and (version := struct.unpack_from("<I", content, 4)[0]) != 2:
             raise InputError(f"{self.path}: is glTF of version {version}; 2.0 is needed")
+        # What stands behind the length that the file says does not belong to it.
+        said = struct.unpack_from("<I", content, 8)[0] if len(content) >= 12 else 0
+        content = content[:said] if said >= 20 else content
         text, offset = b"", 12
         while offset + 8 <= len(content):
             length, kind = struct.unpack_from("<I4s", content, offset)
@@ -94,7 +97,7 @@ class GltfFile:
             elif kind == _GLB_BINARY and self._binary is None:
                 self._binary = chunk
             offset += 8 + length
-        return text
+        return text.rstrip(b"\0 ")  # Some programs fill up with zeros.
 
     def entry(self, entries: Sequence[Entry], index: int, what: str) -> Entry:
         """An entry of one of the header's lists.
@@ -167,7 +170,6 @@ class GltfFile:
                 raise InputError(f"{self.path}: data in the file itself is no valid base64") from error
         name = unquote(uri)
         for candidate in (name, uri):
-            file = self.path.parent / candidate
-            if is_file(file):
+            if (file := named_file(self.path.parent, candidate)) is not None:
                 return file.read_bytes()
         raise InputError(f"{self.path}: names the file {name[:200]}, which does not exist in its folder")
