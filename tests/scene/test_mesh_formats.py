@@ -176,7 +176,7 @@ def test_damaged_obj_is_described(read, content, message):
 def test_obj_layouts_may_mix(read):
     """Corners with and without texture coordinates and normals, comments, continued lines and lines of points."""
     text = (
-        "\ufeff# a comment\nv 0 0 0 1 # weight\nv 1 0 0 1\nv 1 1 0 1\nv 0 1 0 1\nvt 0\nvt 1 0 0\nvn 0 0 2\n"
+        "\ufeff# made of C:\\things\\\nv 0 0 0 1 # weight\nv 1 0 0 1\nv 1 1 0 1\nv 0 1 0 1\nvt 0\nvt 1 0 0\nvn 0 0 2\n"
         "f 1/1/1 2/2/1 \\\n 3/1/1\nf 1//1 3//1 4//1\nf 1/1 -2/2 -1/1\nf 1 2 3 4\nl 1 2\np 3\nwhat 1\nf 1 2\n"
     )
     parts, notes = read("a.obj", text)
