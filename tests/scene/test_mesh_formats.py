@@ -363,7 +363,7 @@ def test_what_gltf_says_and_is_not_carried_is_named(read):
     document["meshes"][0]["primitives"].append({"mode": 1, "attributes": {}})
     _, notes = read("a.gltf", document)
     assert notes == [
-        "KHR_materials_sheen: sheen is left out",
+        "KHR_materials_sheen is left out (sheen)",
         "the extension ACME_x is not known and is left out",
         "its animation is left out; the pose is the one without it",
         "has 2 scenes, of which number 0 is shown",
