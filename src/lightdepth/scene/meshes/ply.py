@@ -272,7 +272,7 @@ def _colours(element: Element, what: str, note: Note) -> NDArray[np.float32] | N
     if names is None or not element.count:
         return None
     alpha = next((element.columns[name] for name in ALPHA_NAMES if name in element.columns), None)
-    if alpha is not None and float(np.nanmin(_scaled(alpha))) < 1.0:
+    if alpha is not None and (_scaled(alpha) < 1.0).any():
         note(f"the alpha of its {what}' colours is left out")
     codes = np.stack([_scaled(element.columns[name]) for name in names], axis=1)
     kind = element.columns[names[0]].dtype
