@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: install demo test lint fuzz bench bench-peers extension blender-setup lock clean
+.PHONY: install demo test lint fuzz bench bench-peers extension extension-repository blender-setup lock clean
 
 install: $(STAMP)
 
@@ -46,6 +46,10 @@ bench-peers: .venv-peers/installed
 # The Blender extension as a zip in dist/.
 extension: install
 	$(BIN)/python blender/build.py
+
+# A folder to put on any web server, from which Blender installs the extension and updates it.
+extension-repository: install
+	$(BIN)/python blender/build.py --output dist/extension-repository --repository $(if $(WEBSITE),--website $(WEBSITE))
 
 # Blender as Python modules, which the extension's tests run in; both need Python 3.11.
 blender-setup: .venv-bpy45/installed .venv-bpy50/installed

@@ -50,7 +50,7 @@ def real_panoramas() -> dict[str, tuple[Path, float, tuple[RealSurface, ...]]]:
 def real(quick: bool, console: Console) -> dict[str, Any] | None:
     """Noise and time of the product's methods, as a table of text; ``None`` where the panoramas are not there."""
     start()
-    from lightdepth.transport.methods import METHODS as OWN
+    from lightdepth.preparation import METHODS as OWN
 
     rows = []
     for name, (path, height, surfaces) in real_panoramas().items():

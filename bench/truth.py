@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -149,24 +149,22 @@ def film_rays(
         pixels: which, row-major indices; all of them by default.
 
     Returns:
-        ``(mi.RayDifferential3f, inside)`` as :meth:`lightdepth.cameras.Camera.camera_rays` has it.
+        ``(mi.RayDifferential3f, inside)``, the latter false where the film sees nothing.
     """
     import drjit as dr
     import mitsuba as mi
 
     from lightdepth.kernel.arrays import aligned
-    from lightdepth.kernel.opaque import opaque_matrix, opaque_point
 
     width, height = view.camera.resolution
     chosen = mi.UInt32(aligned(np.arange(width * height) if pixels is None else pixels, np.uint32))
     rays = len(chosen) * per_pixel
-    to_world, origin = opaque_matrix(view.rotation), opaque_point(view.position)
     sampler.set_samples_per_wavefront(per_pixel)
     sampler.seed(seed, rays)
     index = dr.gather(mi.UInt32, chosen, dr.arange(mi.UInt32, rays) // dr.opaque(mi.UInt32, per_pixel))
-    film = (mi.Point2f(index % width, index // width) + sampler.next_2d()) / mi.Point2f(width, height)
-    start_point, direction, inside = view.camera.camera_rays(film, sampler.next_2d())
-    return mi.RayDifferential3f(to_world @ mi.Vector3f(start_point) + origin, to_world @ direction), inside
+    column, row = mi.Float(index % width), mi.Float(index // width)
+    seen = view.pixel_rays(column, row, sampler.next_2d(), sampler.next_2d())
+    return mi.RayDifferential3f(seen.ray), seen.inside
 
 
 def coverage(scene: Any, view: CameraView) -> NDArray[np.float64]:
@@ -242,6 +240,16 @@ def cached(key: str, make: Callable[[], Estimate]) -> Estimate:
     return estimate
 
 
+def together(estimates: Sequence[Estimate]) -> Estimate:
+    """The sum of independent estimates of the same view whose light adds up; coverage is that of each."""
+    return dataclasses.replace(
+        estimates[0],
+        mean=np.sum([each.mean for each in estimates], axis=0),
+        variance=np.sum([each.variance for each in estimates], axis=0),
+        seconds=sum(each.seconds for each in estimates),
+    )
+
+
 def truth(place: Place, camera: str, width: int, samples: int, objects: bool = True, seed: int = 1) -> Estimate:
     """The place path-traced, with or without its objects, from the cache where it is there.
 
@@ -254,6 +262,14 @@ def truth(place: Place, camera: str, width: int, samples: int, objects: bool = T
         seed: of the random numbers; the photograph uses another one, so that the two are independent.
     """
     posed = place.camera(camera, width)
+    if place.outside_sun is not None:
+        parts = place.lights_apart()
+        return together([_alone(each, posed, samples, seed, objects) for each in parts])
+    return _alone(place, posed, samples, seed, objects)
+
+
+def _alone(place: Place, posed: CameraView, samples: int, seed: int, objects: bool) -> Estimate:
+    """A place whose lights Mitsuba follows all at once."""
 
     def make() -> Estimate:
         return path_trace(_mitsuba(place, objects), posed, samples, seed)
@@ -265,7 +281,8 @@ def _key(place: Place, posed: CameraView, samples: int, seed: int, objects: bool
     """Hash of all that decides what a rendering shows."""
     seen = place if objects else place.empty()
     surfaces = tuple((part.mesh.vertices, part.mesh.faces, part.color, part.radiance) for part in seen.parts)
-    return content_hash(CACHE_FORMAT, MAX_DEPTH, surfaces, seen.objects, seen.sky, posed, samples, seed, *more)
+    sun = () if seen.outside_sun is None else (seen.outside_sun,)
+    return content_hash(CACHE_FORMAT, MAX_DEPTH, surfaces, seen.objects, seen.sky, *sun, posed, samples, seed, *more)
 
 
 def _mitsuba(place: Place, objects: bool) -> Any:
@@ -287,6 +304,9 @@ def photograph(place: Place, width: int, samples: int) -> Estimate:
         samples: camera rays a pixel.
     """
     posed, seed = place.camera("panorama", width), 2
+    if place.outside_sun is not None:
+        indoors, sunlit = place.lights_apart()
+        return together([photograph(indoors, width, samples), _alone(sunlit, posed, samples, seed, False)])
 
     def make() -> Estimate:
         seen = truth(place, "panorama", width, samples, objects=False, seed=seed)

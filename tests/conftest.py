@@ -1,12 +1,31 @@
 """Shared by all tests."""
 
 import os
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
 
 from lightdepth.cli.app import main
+
+# Tests prepare their places themselves, and leave nothing behind; those of the cache name a folder of their own.
+os.environ["LIGHTDEPTH_CACHE"] = "off"
+
+ROOT = Path(__file__).parents[1]
+PROGRAMS = {
+    "hugin": lambda: shutil.which("cpfind") is not None,
+    "blender": lambda: bool(os.environ.get("LIGHTDEPTH_BPY")) or any(ROOT.glob(".venv-bpy*/bin/python")),
+}
+"""Programs that tests drive, and how to find out whether they are there. Without one, its tests are skipped."""
+
+
+def pytest_configure(config):
+    """Fail, rather than skip, where a program that LIGHTDEPTH_REQUIRE names is missing."""
+    required = [name for name in os.environ.get("LIGHTDEPTH_REQUIRE", "").split(",") if name]
+    missing = [name for name in required if not PROGRAMS.get(name, lambda: False)()]
+    if missing:
+        pytest.exit(f"LIGHTDEPTH_REQUIRE names {', '.join(missing)}, which is not installed", returncode=1)
 
 
 @pytest.fixture(scope="session")

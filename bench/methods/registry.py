@@ -81,7 +81,7 @@ METHODS: dict[str, Method] = {
 
 def available() -> dict[str, Method]:
     """The methods that can run here: those of the product that exist, and the peers where they are installed."""
-    from lightdepth.transport.methods import METHODS as OWN
+    from lightdepth.preparation import METHODS as OWN
 
     return {
         name: method

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from bench.places.objects import Color, Point, rgb
+from bench.places.sun import Sun, sun_disc
 from lightdepth.cameras import Equirectangular, Perspective
 from lightdepth.directions import euler_rotation, look_at_rotation
 from lightdepth.scene.model import AnalyticShape, CameraView, Mesh, Panorama, RealSurface, Role, Scene, SyntheticObject
@@ -23,6 +24,7 @@ class Part:
         color: albedo per channel; black for lamps.
         radiance: what it emits per channel; ``None`` for all but lamps.
         role: what the user declares it.
+        opening: a window pane that sends its own radiance and lets the sun in.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Part:
     color: Color = (0.0, 0.0, 0.0)
     radiance: Color | None = None
     role: Role = Role.SUPPORT
+    opening: bool = False
 
 
 @dataclass(frozen=True)
@@ -44,6 +47,7 @@ class Place:
         rotation: light space to world, XYZ Euler, degrees.
         view: a camera about one metre away from the capture point.
         sky: what lies outside, as entries of a Mitsuba scene dictionary; seen at infinity.
+        outside_sun: shines in through the openings, where the capture point does not see it.
         modelled: the surfaces as the user modelled them, where these are wrong on purpose; else ``None``.
         capture_error: what the user's capture point is off by, metres.
     """
@@ -55,6 +59,7 @@ class Place:
     rotation: Point
     view: Perspective
     sky: Sky | None = None
+    outside_sun: Sun | None = None
     modelled: tuple[Part, ...] | None = None
     capture_error: Point = (0.0, 0.0, 0.0)
 
@@ -74,6 +79,8 @@ class Place:
             entries[f"real_{index}"] = mesh_shape(part.mesh, **loaded(plugins))
         if self.sky is not None:
             entries |= self.sky.mitsuba()
+        if self.outside_sun is not None:
+            entries |= self.outside_sun.mitsuba()
         if objects:
             entries |= mitsuba_objects(self.objects)
         return entries
@@ -106,13 +113,34 @@ class Place:
                 rotation=euler_rotation(self.rotation),
                 sky=self.sky is not None,
             ),
-            real=tuple(RealSurface(part.name, part.mesh, part.role) for part in real),
+            real=tuple(RealSurface(part.name, part.mesh, part.role, opening=part.opening) for part in real),
             synthetic=self.objects,
             cameras={
                 "panorama": self.camera("panorama", panorama_width),
                 "view": self.camera("view", view_width or self.view.width),
             },
         )
+
+    def sun(self) -> Sun:
+        """The sun that the capture point does not see: what a recovery of it must find.
+
+        Raises:
+            ValueError: there is none.
+        """
+        if self.outside_sun is None:
+            raise ValueError(f"{self.name} has no sun outside")
+        return self.outside_sun
+
+    def lights_apart(self) -> tuple[Place, ...]:
+        """Places whose light adds up to this one's: one with all that the place itself sends, one with the sun alone.
+
+        A pane both glows and lets the sun through, which no one surface of Mitsuba's ``path`` does. As it reflects
+        nothing, it is a lamp in the first place and a hole in the second, and the sum is exact.
+        """
+        if self.outside_sun is None:
+            return (self,)
+        dark = tuple(replace(part, radiance=None) for part in self.parts if not part.opening)
+        return replace(self, outside_sun=None), replace(self, parts=dark)
 
     def with_support(self, names: tuple[str, ...]) -> Place:
         """The place with only these parts as support."""
@@ -160,24 +188,13 @@ class Sky:
         rows = share * np.asarray(self.zenith) + (1.0 - share) * np.asarray(self.horizon)
         rows = np.where(elevation[:, None] < 0.0, np.asarray(self.ground), rows)
         image = np.repeat(rows[:, None, :], 2 * height, axis=1).astype(np.float32)
-        direction = np.asarray(self.sun_direction) / np.linalg.norm(self.sun_direction)
-        radius = self.sun_distance * np.tan(np.radians(0.5 * self.sun_diameter))
-        transform = mi.ScalarTransform4f
-        to_world = transform().look_at(
-            origin=(self.sun_distance * direction).tolist(), target=[0.0, 0.0, 0.0], up=[0.3, 0.2, 1.0]
-        ) @ transform().scale(float(radius))
         return {
             "sky": {
                 "type": "envmap",
                 "bitmap": mi.Bitmap(image),
-                "to_world": transform().rotate([1.0, 0.0, 0.0], 90.0),
+                "to_world": mi.ScalarTransform4f().rotate([1.0, 0.0, 0.0], 90.0),
             },
-            "sun": {
-                "type": "disk",
-                "to_world": to_world,
-                "bsdf": {"type": "diffuse", "reflectance": rgb((0.0, 0.0, 0.0))},
-                "emitter": {"type": "area", "radiance": rgb(self.sun_radiance)},
-            },
+            **sun_disc(self.sun_direction, self.sun_radiance, self.sun_diameter, self.sun_distance),
         }
 
 

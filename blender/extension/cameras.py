@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import bpy
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 from .picking import capture_pose
 
@@ -24,10 +24,55 @@ def panoramic(camera: bpy.types.Camera):
 
 
 def resolution(scene: bpy.types.Scene) -> tuple[int, int]:
-    """Width and height of the rendered picture, pixels."""
+    """Width and height of the whole picture, pixels, rounded as Blender does."""
     render = scene.render
-    share = render.resolution_percentage / 100.0
-    return int(render.resolution_x * share), int(render.resolution_y * share)
+    return (
+        render.resolution_x * render.resolution_percentage // 100,
+        render.resolution_y * render.resolution_percentage // 100,
+    )
+
+
+def region(scene: bpy.types.Scene) -> tuple[int, int, int, int]:
+    """The part of the picture that is rendered: its left and upper edge, width and height, pixels."""
+    width, height = resolution(scene)
+    render = scene.render
+    if not render.use_border:
+        return 0, 0, width, height
+    left, right = int(render.border_min_x * width), int(render.border_max_x * width)
+    bottom, top = int(render.border_min_y * height), int(render.border_max_y * height)
+    return left, height - top, right - left, top - bottom
+
+
+def cut(item, scene: bpy.types.Scene) -> tuple[int, int, int, int]:
+    """Which part of what the renderer makes is the region: left, top, width, height.
+
+    A perspective camera is exported with a lens for the region alone; others are rendered whole.
+    """
+    part = region(scene)
+    return (0, 0, *part[2:]) if item.data.type == "PERSP" else part
+
+
+def circle(item) -> float | None:
+    """Radius of an equisolid lens's picture as a share of half the width, where Cycles shows less than the sensor has."""
+    camera = item.data
+    if camera.type != "PANO" or panoramic(camera).panorama_type != "FISHEYE_EQUISOLID":
+        return None
+    settings = panoramic(camera)
+    share = 4.0 * settings.fisheye_lens * math.sin(0.25 * settings.fisheye_fov) / _sensor(camera)
+    return share if share < 1.0 else None
+
+
+def sees(item, scene: bpy.types.Scene, point) -> bool:
+    """Whether a point of the world is within a camera's picture, whatever stands before it."""
+    if item.type != "CAMERA" or item.data.type != "PERSP":
+        return item.type == "CAMERA"
+    x, y, z = item.matrix_world.inverted() @ Vector(point)
+    if z >= 0.0:
+        return False
+    table, _ = _perspective(item, *resolution(scene))
+    half, shift = math.tan(math.radians(0.5 * table["fov"])), table.get("shift", (0.0, 0.0))
+    ratio = table["height"] / table["width"]
+    return abs(x / -z / half - 2.0 * shift[0]) <= 1.0 and abs(y / -z / half - 2.0 * shift[1]) <= ratio
 
 
 def camera_table(item, scene) -> tuple[dict[str, Any], list[str]]:
@@ -49,6 +94,7 @@ def camera_table(item, scene) -> tuple[dict[str, Any], list[str]]:
     _check_pixels(item.name, scene)
     if camera.type == "PERSP":
         table, notes = _perspective(item, width, height)
+        _narrow(table, region(scene))
     elif camera.type == "PANO":
         table, notes = _panoramic(item.name, camera, width, height)
     else:
@@ -110,6 +156,23 @@ def _perspective(item, width, height):
     return table, notes
 
 
+def _narrow(table: dict[str, Any], part: tuple[int, int, int, int]) -> None:
+    """Make a perspective lens that sees a part of the picture: left, top, width, height."""
+    whole_width, whole_height = table["width"], table["height"]
+    left, top, width, height = part
+    if (width, height) == (whole_width, whole_height):
+        return
+    if width < 1 or height < 1:
+        raise CameraError("The render region is empty: draw it again, or switch it off")
+    half = math.tan(math.radians(0.5 * table["fov"])) * width / whole_width
+    across, up = table.get("shift", (0.0, 0.0))
+    table["shift"] = [
+        (across * whole_width + left + 0.5 * (width - whole_width)) / width,
+        (up * whole_width + 0.5 * (whole_height - height) - top) / width,
+    ]
+    table |= {"width": width, "height": height, "fov": math.degrees(2.0 * math.atan(half))}
+
+
 def _focus_distance(item) -> float:
     """Metres along the camera's axis to what is in focus, as Blender measures it."""
     focus = item.data.dof
@@ -150,7 +213,7 @@ def _panoramic(name, camera, width, height):
         return table | {"fov": math.degrees(settings.fisheye_fov)}, []
     # Cycles: sin(theta / 2) = r / (2 lens), with r in mm on the sensor; the circle that touches the picture's sides
     # has r = sensor / 2.
-    sensor = camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width
+    sensor = _sensor(camera)
     sine = sensor / (4.0 * settings.fisheye_lens)
     if sine > 1.0:
         raise CameraError(
@@ -159,9 +222,14 @@ def _panoramic(name, camera, width, height):
         )
     fov = math.degrees(4.0 * math.asin(sine))
     notes = []
-    if abs(fov - math.degrees(settings.fisheye_fov)) > 0.5:
+    if math.degrees(settings.fisheye_fov) > fov + 0.5:
         notes.append(
             f"Camera '{name}': the circle that touches the picture's sides shows {fov:.1f} degrees; it is rendered "
             f"instead of the field of view of {math.degrees(settings.fisheye_fov):.1f} degrees"
         )
     return table | {"fov": fov}, notes
+
+
+def _sensor(camera) -> float:
+    """The side of the sensor that the picture's width spans, mm."""
+    return camera.sensor_height if camera.sensor_fit == "VERTICAL" else camera.sensor_width

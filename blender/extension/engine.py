@@ -7,9 +7,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import evaluation, exr, passes
+from . import cameras, evaluation, exr, passes
 from .asking import renderer_command
-from .cameras import CameraError, resolution
 from .export import Exported, ExportError, export_scene, options
 from .process import RendererError, Rendering
 from .properties import show_lines
@@ -30,49 +29,56 @@ class LightdepthEngine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tell the compositor which passes there are."""
+        self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
         for name, (_, channels, kind) in passes.PASSES.items():
             self.register_pass(scene, renderlayer, name, len(channels), channels, kind)
+        if renderlayer.use_pass_object_index:
+            self.register_pass(scene, renderlayer, passes.INDEX, 1, "X", "VALUE")
 
     def render(self, depsgraph):
-        """Render one view layer of one frame."""
+        """Render one view layer of one frame.
+
+        Whatever goes wrong is reported as an error: Blender then writes no picture and stops an animation.
+        """
         if evaluation.take_over(depsgraph):
             return
         try:
             with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
                 self._render(depsgraph, Path(folder))
-        except (RendererError, ExportError, CameraError, exr.ExrError, OSError) as error:
-            self.report({"ERROR"}, str(error))
-            self.error_set(str(error))
+        except (RendererError, ExportError, cameras.CameraError, exr.ExrError, OSError) as error:
+            self._fail(str(error))
+        except Exception as error:
+            self._fail(evaluation.unexpected(error))
+
+    def _fail(self, why: str) -> None:
+        self.report({"ERROR"}, why)
+        self.error_set(why)
 
     def _render(self, depsgraph, folder: Path) -> None:
         scene = depsgraph.scene_eval
-        if scene.render.use_border:
-            raise ExportError("The render region is not carried: switch it off, the whole picture is rendered")
         if scene.render.use_multiview:
             raise ExportError("Stereoscopy is not carried: switch it off in the output properties")
         command = renderer_command()
         self.update_stats("", "Exporting the scene")
-
-        def export() -> Exported:
-            exported = export_scene(depsgraph, folder / "scene.toml")
-            show_lines(depsgraph.scene.lightdepth.export_notes, exported.notes)
-            return exported
-
-        exported: Exported | None = evaluation.on_main_thread(export, self.test_break)
-        if exported is None:
+        exported = export_scene(depsgraph, folder / "scene.toml", every_camera=False)
+        if exported.camera is None:
+            raise ExportError("The scene has no active camera")
+        original = depsgraph.scene  # whose settings only the main thread may change
+        evaluation.on_main_thread(lambda: show_lines(original.lightdepth.export_notes, exported.notes), self.test_break)
+        if self.test_break():
             return
         for note in exported.notes:
             self.report({"WARNING"}, note)
-        if exported.camera is None:
-            raise ExportError("The scene has no active camera")
         picture = folder / "picture.exr"
         arguments = ["render", str(exported.path), "--camera", exported.camera, "-o", str(picture)]
         arguments += [*options(scene.lightdepth), "--progress", "json", "--preview-seconds", str(PREVIEW_SECONDS)]
+        if scene.render.film_transparent and scene.lightdepth.draft:
+            arguments += ["--layers", "plate,coverage"]
         self.update_stats("", "Starting the renderer")
         with Rendering(command, arguments) as rendering:
-            self._follow(rendering, picture, resolution(scene), depsgraph.view_layer_eval.name)
+            self._follow(rendering, picture, _View(depsgraph, exported))
 
-    def _follow(self, rendering: Rendering, picture: Path, size: tuple[int, int], layer: str) -> None:
+    def _follow(self, rendering: Rendering, picture: Path, view: "_View") -> None:
         """Show the renderer's progress until it ends or the person has waited enough."""
         interrupted = None
         shown = False
@@ -88,8 +94,8 @@ class LightdepthEngine(bpy.types.RenderEngine):
                 if event["event"] == "progress":
                     self.update_progress(min(max(float(event.get("fraction", 0.0)), 0.0), 1.0))
                     self.update_stats("", _status(event))
-                elif event["event"] in ("preview", "done", "interrupted"):
-                    self._show(picture, size, layer)
+                elif event["event"] == "picture":
+                    self._show(picture, view)
                     shown = True
         except RendererError:
             if interrupted is None:  # one that was interrupted before it could render has nothing to tell
@@ -97,23 +103,50 @@ class LightdepthEngine(bpy.types.RenderEngine):
         if interrupted is None and not shown:
             raise RendererError("The renderer ended without a picture and without saying why")
 
-    def _show(self, picture: Path, size: tuple[int, int], layer: str) -> None:
+    def _show(self, picture: Path, view: "_View") -> None:
         """Put the file's parts into Blender's passes."""
-        pixels = passes.from_parts(exr.read(picture))
-        width, height = size
-        if pixels["Combined"].shape[:2] != (height, width):
-            found = pixels["Combined"].shape
-            raise RendererError(f"The renderer made {found[1]} x {found[0]} pixels instead of {width} x {height}")
+        pixels = view.passes(exr.read(picture))
         for name, (_, channels, _) in passes.PASSES.items():
             if name in pixels:
-                self.add_pass(name, len(channels), channels, layer=layer)
-        result = self.begin_result(0, 0, width, height, layer=layer)
+                self.add_pass(name, len(channels), channels, layer=view.layer)
+        if passes.INDEX in pixels:
+            self.add_pass(passes.INDEX, 1, "X", layer=view.layer)
+        height, width = pixels["Combined"].shape[:2]
+        result = self.begin_result(0, 0, width, height, layer=view.layer)
         for target in result.layers[0].passes:
             if target.name in pixels:
                 # Blender's pictures begin at the bottom.
                 values = np.ascontiguousarray(pixels[target.name][::-1], np.float32)
                 target.rect.foreach_set(values.ravel())
         self.end_result(result)
+
+
+class _View:
+    """How the renderer's picture becomes that of one view layer."""
+
+    def __init__(self, depsgraph, exported: Exported):
+        scene = depsgraph.scene_eval
+        camera = scene.camera.evaluated_get(depsgraph)
+        self.layer = depsgraph.view_layer_eval.name
+        self._cut = cameras.cut(camera, scene)
+        self._circle = cameras.circle(camera)
+        self._transparent = scene.render.film_transparent
+        self._indices = exported.pass_indices if depsgraph.view_layer_eval.use_pass_object_index else None
+
+    def passes(self, parts: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+        """Pixels by pass name, see :func:`.passes.from_parts`."""
+        pixels = passes.from_parts(parts)
+        if self._circle is not None:
+            passes.keep_circle(pixels, self._circle)
+        if self._transparent:
+            passes.make_transparent(pixels)
+        if self._indices is not None and "Object ID" in pixels:
+            pixels[passes.INDEX] = passes.indices(pixels["Object ID"], self._indices)
+        left, top, width, height = self._cut
+        found = pixels["Combined"].shape
+        if found[0] < top + height or found[1] < left + width:
+            raise RendererError(f"The renderer made {found[1]} x {found[0]} pixels, too few for {width} x {height}")
+        return {name: values[top : top + height, left : left + width] for name, values in pixels.items()}
 
 
 def _status(event: dict) -> str:

@@ -6,6 +6,7 @@ lets Blender render, with the engine told to hand the graph over instead of rend
 
 import queue
 import threading
+import traceback
 from collections.abc import Callable
 from contextlib import contextmanager
 from typing import Any
@@ -13,6 +14,12 @@ from typing import Any
 import bpy
 
 ENGINE = "LIGHTDEPTH"
+
+
+def unexpected(error: Exception) -> str:
+    """What a person is told of an error that nobody has foreseen."""
+    traceback.print_exc()
+    return f"The extension failed ({type(error).__name__}: {error}); please report it with the scene"
 
 
 class EvaluationError(Exception):

@@ -1,26 +1,45 @@
 """The scene as Blender renders it, written as a scene file and its meshes: for F12 and for the command line alike."""
 
+import hashlib
 import math
 import os
 import re
 import shlex
+from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import bpy
+import numpy as np
 from bpy_extras.io_utils import ExportHelper
 from mathutils import Matrix
 
-from . import cameras, lights, materials, meshes, panorama, roles, toml
-from .evaluation import EvaluationError, with_render_depsgraph
+from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, toml
+from .evaluation import EvaluationError, unexpected, with_render_depsgraph
 from .picking import capture_pose
 from .properties import show_lines
 
 WITH_SURFACE = {"MESH", "CURVE", "SURFACE", "FONT", "META"}
 """Objects with surfaces. Blender's dependency graph gives those of curves, texts and balls once more as meshes."""
 WITHOUT_LOOK = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROBE"}
+FAR = 100.0
+"""Metres: the scene file's origin is the multiple of this that is nearest to the capture point, as single precision
+gets coarse far from the origin."""
+MERGED_FROM = 32
+"""Instances of one object by one instancer, from which on they are one mesh with one object number."""
+MERGED_TRIANGLES = 20_000_000
+"""Most triangles of such a mesh; more instances than that stay apart and share a file."""
+LONGEST_NAME = 60
+"""Letters of an object's name in the name of its file."""
+_RAYS = {
+    "visible_camera": "camera",
+    "visible_diffuse": "diffuse",
+    "visible_glossy": "glossy",
+    "visible_transmission": "transmission",
+    "visible_shadow": "shadow",
+}
 
 
 class ExportError(Exception):
@@ -35,11 +54,39 @@ class Exported:
         path: the scene file.
         camera: name of the active camera in it, or ``None`` where there is none.
         notes: what could not be carried, one sentence each.
+        pass_indices: of each object of the file, as Blender has them, in the file's order.
     """
 
     path: Path
     camera: str | None
     notes: list[str]
+    pass_indices: list[int]
+
+
+@dataclass
+class _Group:
+    """Places where one mesh with the same materials stands, each as its own object or all made by one instancer."""
+
+    name: str
+    key: tuple
+    instanced: bool
+    pass_index: int
+    places: list[np.ndarray] = field(default_factory=list)
+
+
+@dataclass
+class _Look:
+    """A mesh and the surfaces of its slots."""
+
+    name: str
+    triangles: meshes.Triangles
+    slots: list[str]
+    surfaces: list[materials.Surface]
+
+    def bounds(self, place: np.ndarray) -> np.ndarray:
+        """Smallest and largest coordinates of its vertices at a place, shape (2, 3)."""
+        points = self.triangles.positions @ place[:3, :3].T + place[:3, 3]
+        return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 @dataclass
@@ -49,48 +96,88 @@ class _Writer:
     depsgraph: bpy.types.Depsgraph
     folder: Path
     mesh_folder: Path
+    origin: np.ndarray
     real: list[dict[str, Any]] = field(default_factory=list)
     synthetic: list[dict[str, Any]] = field(default_factory=list)
+    pass_indices: list[int] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
-    written: dict[tuple, str] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
-    taken: list[tuple[Path, bpy.types.Mesh]] = field(default_factory=list)
+    files: set[str] = field(default_factory=set)
+    looks: dict[tuple, _Look | None] = field(default_factory=dict)
+    groups: dict[tuple, _Group] = field(default_factory=dict)
+    surfaces: dict[int, materials.Surface] = field(default_factory=dict)
+    contents: dict[bytes, str] = field(default_factory=dict)
+    written: dict[tuple, str] = field(default_factory=dict)
+    bounds: list[np.ndarray] = field(default_factory=list)
+    seen: set[int] = field(default_factory=set)
+    counts: defaultdict[str, int] = field(default_factory=lambda: defaultdict(int))
+
+    def __post_init__(self) -> None:
+        self.images = images.ImageFolder(self.mesh_folder)
 
     def note(self, *sentences: str) -> None:
         self.notes |= dict.fromkeys(sentences)
 
     def unique(self, name: str) -> str:
         """A name that no other table has."""
-        candidate, number = name, 0
+        candidate = name
         while candidate in self.names:
-            number += 1
-            candidate = f"{name} {number}"
+            self.counts[name] += 1
+            candidate = f"{name} {self.counts[name]}"
         self.names.add(candidate)
         return candidate
 
     def new_file(self, name: str, suffix: str) -> Path:
+        """A file that no other object has, also where letters' case does not count."""
         self.mesh_folder.mkdir(parents=True, exist_ok=True)
-        plain = re.sub(r"[^\w.-]+", "_", name) or "mesh"
-        return self.mesh_folder / f"{plain}{suffix}"
+        plain = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII)[:LONGEST_NAME] or "mesh"
+        candidate = f"{plain}{suffix}"
+        while candidate.lower() in self.files:
+            self.counts[candidate.lower()] += 1
+            candidate = f"{plain}_{self.counts[f'{plain}{suffix}'.lower()]}{suffix}"
+        self.files.add(candidate.lower())
+        return self.mesh_folder / candidate
 
     def relative(self, path: Path) -> str:
         return Path(os.path.relpath(path, self.folder)).as_posix()
 
-    def add(self, item, to_world: Matrix, by_instancing: bool) -> None:
+    def local(self, to_world: Matrix) -> Matrix:
+        """A matrix relative to the scene file's origin."""
+        return Matrix.Translation(-self.origin) @ to_world
+
+    def add(self, item, to_world: Matrix, by_instancing: bool, instancer: str) -> None:
         """Add what an evaluated object, or an instance of one, is to the renderer."""
-        self._note_light_linking(item)
         if item.type == "LIGHT":
-            tables, said = lights.emitters(self.unique(item.name), item.data, to_world)
-            self.synthetic += tables
-            self.note(*said)
+            self._note_light_linking(item)
+            self._add_lamp(item, self.local(to_world))
         elif item.type == "MESH":
-            self._note_settings(item)
+            if item.as_pointer() not in self.seen:
+                self.seen.add(item.as_pointer())
+                self._note_light_linking(item)
+                self._note_settings(item)
             if item.lightdepth.role in roles.REAL:
                 self._add_real(item, to_world)
             else:
-                self._add_synthetic(item, to_world)
+                self._add_synthetic(item, to_world, by_instancing, instancer)
         elif item.type not in WITHOUT_LOOK | WITH_SURFACE and not by_instancing:
             self.note(f"Object '{item.name}': {item.type.replace('_', ' ').lower()} objects are not carried")
+
+    def _add_lamp(self, item, to_world: Matrix) -> None:
+        name = self.unique(item.name)
+        tables, said = lights.emitters(name, item.data, to_world)
+        for table in tables[1:]:
+            self.names.add(table["name"])
+        camera = self.depsgraph.scene_eval.camera
+        if tables and not item.visible_camera and camera is not None and item.data.type != "SUN":
+            place = np.array(to_world.translation) + self.origin
+            if cameras.sees(camera.evaluated_get(self.depsgraph), self.depsgraph.scene_eval, place):
+                said.append(f"Light '{item.name}': the camera sees it shine; in Cycles it is not seen by cameras")
+        self._append_tables(tables, item.pass_index)
+        self.note(*said)
+
+    def _append_tables(self, tables: list[dict[str, Any]], pass_index: int) -> None:
+        self.synthetic += tables
+        self.pass_indices += [pass_index] * len(tables)
 
     def _note_light_linking(self, item) -> None:
         linking = getattr(item, "light_linking", None)
@@ -102,8 +189,19 @@ class _Writer:
             system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in item.particle_systems
         ):
             self.note(f"Object '{item.name}': its hair is not carried")
-        if not (item.visible_camera and item.visible_shadow) or item.is_holdout or item.is_shadow_catcher:
-            self.note(f"Object '{item.name}': its ray visibility, holdout and shadow catcher are not carried")
+        if item.lightdepth.role in roles.REAL:
+            return
+        unseen = [what for name, what in _RAYS.items() if not getattr(item, name)]
+        if unseen:
+            self.note(f"Object '{item.name}': its ray visibility is not carried; {', '.join(unseen)} rays meet it")
+        if item.is_shadow_catcher:
+            self.note(f"Object '{item.name}': is no shadow catcher here; give real surfaces the role support")
+        original, layer = item.original, self.depsgraph.view_layer
+        if original.name in layer.objects:
+            if original.holdout_get(view_layer=layer):
+                self.note(f"Object '{item.name}': holdout is not carried; it is rendered as it looks")
+            if original.indirect_only_get(view_layer=layer):
+                self.note(f"Object '{item.name}': indirect only is not carried; the camera sees it")
 
     def _add_real(self, item, to_world) -> None:
         mesh = item.to_mesh()
@@ -112,7 +210,7 @@ class _Writer:
                 return
             name = self.unique(item.name)
             path = self.new_file(name, ".ply")
-            meshes.write_real(path, mesh, to_world)
+            self.bounds.append(meshes.write_real(path, mesh, to_world, self.origin))
         finally:
             item.to_mesh_clear()
         settings = item.lightdepth
@@ -121,43 +219,119 @@ class _Writer:
             table["gloss"] = {"roughness": settings.roughness, "specular": settings.specular}
         self.real.append(table)
 
-    def _add_synthetic(self, item, to_world) -> None:
-        placement = _placement(to_world)
+    def _add_synthetic(self, item, to_world, by_instancing: bool, instancer: str) -> None:
+        override = self.depsgraph.view_layer_eval.material_override
+        worn = [override or slot.material for slot in item.material_slots]
         # Evaluated data is shared by what looks the same: linked duplicates and instances.
-        key = (
-            item.data.as_pointer(),
-            tuple(slot.material.name if slot.material else "" for slot in item.material_slots),
-        )
-        if placement is None:
-            key += tuple(value for row in to_world for value in row)
-        if key not in self.written:
-            self.written[key] = self._take_synthetic(item, to_world if placement is None else None)
-        if self.written[key]:
-            self.synthetic.append({"name": self.unique(item.name), "mesh": self.written[key], **(placement or {})})
+        key = (item.data.as_pointer(), tuple(0 if material is None else material.as_pointer() for material in worn))
+        if key not in self.looks:
+            self.looks[key] = self._look(item, worn, override)
+        if self.looks[key] is None:
+            return
+        # What an instancer makes is gathered; objects stay by themselves.
+        place = (key, item.name, instancer) if by_instancing else (key, item.name, "", len(self.groups))
+        if place not in self.groups:
+            self.groups[place] = _Group(item.name, key, by_instancing, item.pass_index)
+        matrix = np.array(to_world, np.float64)
+        matrix[:3, 3] -= self.origin
+        self.groups[place].places.append(matrix)
 
-    def _take_synthetic(self, item, baked: Matrix | None) -> str:
-        """Keep the surfaces of an evaluated object for :meth:`write_synthetic`; returns the file's relative path."""
-        mesh = bpy.data.meshes.new_from_object(item)  # given a depsgraph, 4.2 crashes on texts and curves
-        if not mesh.polygons:
-            bpy.data.meshes.remove(mesh)
+    def _look(self, item, worn, override) -> _Look | None:
+        mesh = item.to_mesh()
+        try:
+            triangles = None if mesh is None else meshes.triangles_of(mesh)
+            if triangles is None:
+                return None
+            worn = worn or [override or material for material in mesh.materials] or [override]
+        finally:
+            item.to_mesh_clear()
+        names = ["" if material is None else material.name for material in worn]
+        return _Look(item.name, triangles, names, [self._surface(material) for material in worn])
+
+    def _surface(self, material) -> materials.Surface:
+        pointer = 0 if material is None else material.as_pointer()
+        if pointer not in self.surfaces:
+            evaluated = material
+            if material is not None and not material.is_evaluated:
+                evaluated = material.evaluated_get(self.depsgraph)
+            self.surfaces[pointer], said = materials.surface_of(evaluated)
+            self.note(*said)
+        return self.surfaces[pointer]
+
+    def write_synthetic(self, closed: bool) -> None:
+        """Write the meshes of the new objects, each content once, and their tables.
+
+        Args:
+            closed: whether what stands beyond all real surfaces is outside the place, and not under the open sky.
+        """
+        low, high = np.min([b[0] for b in self.bounds], axis=0), np.max([b[1] for b in self.bounds], axis=0)
+        for group in self.groups.values():
+            look = self.looks[group.key]
+            if not any(surface.visible for surface in look.surfaces):
+                continue
+            bounds = np.array([look.bounds(place) for place in group.places])
+            outside = closed & ((bounds[:, 1] < low) | (bounds[:, 0] > high)).any(axis=1)
+            if outside.any():
+                count = f"{outside.sum()} of its instances are" if outside.sum() < len(outside) else "is"
+                self.note(f"Object '{group.name}': {count} outside the place and left out")
+            places = [place for place, out in zip(group.places, outside, strict=True) if not out]
+            self._note_clipping(group, look, bounds[~outside])
+            if places:
+                self._write_group(group, look, places)
+
+    def _note_clipping(self, group: _Group, look: _Look, bounds: np.ndarray) -> None:
+        """Cameras of Blender see nothing nearer or farther than their clipping says."""
+        camera = self.depsgraph.scene_eval.camera
+        if camera is None or camera.type != "CAMERA" or not len(bounds):
+            return
+        camera = camera.evaluated_get(self.depsgraph)
+        eye = np.array(camera.matrix_world.translation) - self.origin
+        nearest = np.linalg.norm(np.maximum(np.maximum(bounds[:, 0] - eye, eye - bounds[:, 1]), 0.0), axis=1)
+        if (nearest < camera.data.clip_start).any():
+            for place in (group.places[i] for i in np.nonzero(nearest < camera.data.clip_start)[0]):
+                points = look.triangles.positions @ place[:3, :3].T + place[:3, 3] - eye
+                if (np.linalg.norm(points, axis=1) < camera.data.clip_start).any():
+                    self.note(f"Camera '{camera.name}': its clip start does not cut object '{group.name}'")
+                    break
+        if (nearest > camera.data.clip_end).any():
+            self.note(f"Camera '{camera.name}': its clip end does not cut object '{group.name}'")
+
+    def _write_group(self, group: _Group, look: _Look, places: list[np.ndarray]) -> None:
+        count = len(look.triangles.vertices) * len(places)
+        if group.instanced and len(places) >= MERGED_FROM and count <= MERGED_TRIANGLES:
+            file = self._write(replace(look, triangles=meshes.repeated(look.triangles, np.array(places))))
+            tables = [{"name": self.unique(group.name), "mesh": file}] if file else []
+            self._append_tables(tables, group.pass_index)
+            return
+        for place in places:
+            placement = _placement(Matrix(place.tolist()))
+            if placement is not None:
+                if group.key not in self.written:
+                    self.written[group.key] = self._write(look)
+                file = self.written[group.key]
+            else:
+                file = self._write(replace(look, triangles=look.triangles.transformed(place)))
+            if file:
+                table = {"name": self.unique(group.name), "mesh": file, **(placement or {})}
+                self._append_tables([table], group.pass_index)
+
+    def _write(self, look: _Look) -> str:
+        """Write a mesh file, or find the one with the same content; returns its relative path, empty without faces."""
+        writer = gltf.Writer(self.images)
+        last = len(look.surfaces) - 1
+        slots = np.clip(look.triangles.slots, 0, last)
+        for slot, (surface, name) in enumerate(zip(look.surfaces, look.slots, strict=True)):
+            writer.add(look.triangles, np.nonzero(slots == slot)[0], surface, name)
+        self.note(*writer.notes)
+        if writer.is_empty:
             return ""
-        if baked is not None:
-            mesh.transform(baked)
-            if baked.determinant() < 0.0:
-                mesh.flip_normals()
-        path = self.new_file(f"{item.name}_{len(self.written)}", ".glb")
-        self.taken.append((path, mesh))
-        return self.relative(path)
-
-    def write_synthetic(self) -> None:
-        """Write what was taken; not while Blender goes through its objects, as its exporter changes the scenes."""
-        for path, mesh in self.taken:
-            self.note(*materials.write_synthetic(path, mesh, self.depsgraph))
-
-    def release(self) -> None:
-        """Take the meshes out of Blender's data again."""
-        for _, mesh in self.taken:
-            bpy.data.meshes.remove(mesh)
+        data = writer.data()
+        digest = hashlib.blake2b(data, digest_size=16).digest()
+        if digest not in self.contents:
+            path = self.new_file(look.name, ".glb")
+            path.write_bytes(data)
+            self.contents[digest] = self.relative(path)
+        return self.contents[digest]
 
 
 def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
@@ -175,10 +349,11 @@ def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
     }
 
 
-def _instances(depsgraph) -> Iterator[tuple[Any, Matrix, bool]]:
+def _instances(depsgraph) -> Iterator[tuple[Any, Matrix, bool, str]]:
     for instance in depsgraph.object_instances:
         if instance.show_self:
-            yield instance.object, instance.matrix_world.copy(), instance.is_instance
+            parent = instance.parent.name if instance.is_instance and instance.parent is not None else ""
+            yield instance.object, instance.matrix_world.copy(), instance.is_instance, parent
 
 
 def require_panorama(scene) -> None:
@@ -201,24 +376,28 @@ def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
     capture = capture_pose(settings)
     return {
         "image": writer.relative(panorama.file_of(settings.image, writer.mesh_folder)),
-        "position": list(capture.translation),
+        "position": list(writer.local(capture).translation),
         "rotation": [math.degrees(angle) for angle in capture.to_euler("XYZ")],
         "scale": settings.scale,
         "sky": settings.sky,
     }
 
 
-def _camera_tables(scene, writer: _Writer) -> dict[str, Any]:
-    """All cameras that can be carried; the active one must be."""
+def _camera_tables(scene, writer: _Writer, every_camera: bool) -> dict[str, Any]:
+    """All cameras that can be carried, or the active one alone; that one must be."""
     tables = {}
     for item in scene.objects:
-        if item.type != "CAMERA":
+        active = scene.camera is not None and item.name == scene.camera.name
+        if item.type != "CAMERA" or not (every_camera or active):
             continue
         evaluated = item.evaluated_get(writer.depsgraph)
         try:
-            tables[item.name], said = cameras.camera_table(evaluated, scene)
+            table, said = cameras.camera_table(evaluated, scene)
+            if "position" in table:
+                table["position"] = [float(a - b) for a, b in zip(table["position"], writer.origin, strict=True)]
+            tables[item.name] = table
         except cameras.CameraError as error:
-            if item.name == scene.camera.name:
+            if active:
                 raise ExportError(str(error)) from error
             said = [f"{error} (this camera is left out)"]
         writer.note(*said)
@@ -230,12 +409,18 @@ def _render_table(settings) -> dict[str, Any]:
     return table | ({"noise": settings.noise} if settings.use_noise else {})
 
 
-def export_scene(depsgraph: bpy.types.Depsgraph, path: Path) -> Exported:
-    """Write the scene of a depsgraph that was made for rendering.
+def _origin(scene) -> np.ndarray:
+    """The scene file's origin in Blender's world, shape (3,): near the capture point, and zero if that is near."""
+    return np.round(np.array(capture_pose(scene.lightdepth).translation) / FAR) * FAR + 0.0
+
+
+def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool = True) -> Exported:
+    """Write the scene of a depsgraph that was made for rendering. Nothing of Blender's data is changed.
 
     Args:
         depsgraph: the evaluated scene.
         path: the scene file to write; meshes go into a folder beside it.
+        every_camera: write all cameras that can be carried, not the active one alone.
 
     Raises:
         ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
@@ -243,28 +428,31 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path) -> Exported:
     """
     scene = depsgraph.scene_eval
     require_panorama(scene)
-    writer = _Writer(depsgraph, path.parent, path.with_name(f"{path.stem}_meshes"))
+    writer = _Writer(depsgraph, path.parent, path.with_name(f"{path.stem}_meshes"), _origin(scene))
     document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
     try:
-        for item, to_world, by_instancing in _instances(depsgraph):
-            writer.add(item, to_world, by_instancing)
-        writer.write_synthetic()
+        for item, to_world, by_instancing, instancer in _instances(depsgraph):
+            writer.add(item, to_world, by_instancing, instancer)
+        if not writer.real:
+            raise ExportError(
+                "No real surface is modelled: add a room or a floor, and give it the role support or environment"
+            )
+        writer.write_synthetic(closed=not scene.lightdepth.sky)
     finally:
-        writer.release()
-    if not writer.real:
-        raise ExportError(
-            "No real surface is modelled: add a room or a floor, and give it the role support or environment"
-        )
+        graph.forget_pictures()
     if scene.render.use_motion_blur:
         writer.note("Motion blur is not carried")
-    tables = _camera_tables(scene, writer)
+    tables = _camera_tables(scene, writer, every_camera)
     document |= {"real": writer.real, "synthetic": writer.synthetic, "camera": tables}
     document["render"] = _render_table(scene.lightdepth)
     temporary = path.with_name(f".{path.name}.part")
-    temporary.write_text(toml.dumps(document), encoding="utf-8")
+    head = ""
+    if writer.origin.any():
+        head = "# Its origin is at {:g}, {:g}, {:g} of Blender's world.\n".format(*writer.origin)
+    temporary.write_text(head + toml.dumps(document), encoding="utf-8")
     os.replace(temporary, path)
     active = scene.camera.name if scene.camera is not None and scene.camera.name in tables else None
-    return Exported(path, active, list(writer.notes))
+    return Exported(path, active, list(writer.notes), writer.pass_indices)
 
 
 def options(settings) -> list[str]:
@@ -291,6 +479,9 @@ class ExportScene(bpy.types.Operator, ExportHelper):
             exported = with_render_depsgraph(context, lambda depsgraph: export_scene(depsgraph, path))
         except (ExportError, EvaluationError, OSError) as error:
             self.report({"ERROR"}, str(error))
+            return {"CANCELLED"}
+        except Exception as error:
+            self.report({"ERROR"}, unexpected(error))
             return {"CANCELLED"}
         show_lines(settings.export_notes, exported.notes)
         for note in exported.notes:

@@ -7,14 +7,18 @@ Blender's power ``P`` in watts is the flux of a lamp that shines to all sides: a
 import math
 from typing import Any
 
+import numpy as np
 from mathutils import Matrix, Vector
+
+from . import graph
+from .images import to_rec709
 
 SMALLEST_RADIUS = 0.02
 """Radius, in metres, that a lamp without a size gets; a smaller one would be found by few rays."""
 SUN_DISTANCE = 2000.0
 """Distance from the world's origin, in metres, of the disk that stands for a sun."""
-SPOT_SHARE = 0.25
-"""Radius of a spot's shining disk, as a share of the lamp's; a smaller one gives its cone a sharper edge."""
+SMALLEST_SPOT = 0.1
+"""Smallest radius of a spot's shining disk, as a share of the lamp's; a smaller one is found by few rays."""
 SHARES = ("diffuse_factor", "specular_factor", "transmission_factor", "volume_factor")
 
 
@@ -29,18 +33,14 @@ def emitters(name: str, light, to_world: Matrix) -> tuple[list[dict[str, Any]], 
     Returns:
         The tables, and notes on what of the lamp cannot be carried.
     """
-    notes = []
-    if (
-        light.use_nodes
-        and light.node_tree is not None
-        and any(node.type not in {"OUTPUT_LIGHT", "EMISSION"} for node in light.node_tree.nodes)
-    ):
-        notes.append(f"Light '{name}': its shader nodes are not carried; it shines evenly in its colour")
+    if light.cycles.is_portal:  # shows Cycles where light comes from and gives none
+        return [], []
+    factor, notes = _shader(name, light)
     if not light.use_shadow:
         notes.append(f"Light '{name}': it casts shadows, though they are switched off")
-    if any(getattr(light, factor, 1.0) != 1.0 for factor in SHARES):
+    if any(getattr(light, share, 1.0) != 1.0 for share in SHARES):
         notes.append(f"Light '{name}': its shares for diffuse, specular, transmission and volume are not carried")
-    colour = _colour(light)
+    colour = [max(0.0, float(a * b)) for a, b in zip(_colour(light), factor, strict=True)]
     if max(colour) <= 0.0:
         return [], notes
     make = {"POINT": _point, "AREA": _area, "SPOT": _spot, "SUN": _sun}[light.type]
@@ -48,17 +48,43 @@ def emitters(name: str, light, to_world: Matrix) -> tuple[list[dict[str, Any]], 
     return tables, notes + more
 
 
+def _shader(name: str, light) -> tuple[np.ndarray, list[str]]:
+    """What the lamp's nodes multiply its colour by, shape (3,), and notes on what of them cannot be carried."""
+    if not light.use_nodes or light.node_tree is None:
+        return np.ones(3), []
+    output = light.node_tree.get_output_node("CYCLES") or light.node_tree.get_output_node("ALL")
+    source = None if output is None else graph.origin(graph.Place(output.inputs["Surface"]))
+    if source is None:
+        return np.zeros(3), []
+    node = source.socket.node
+    if node.type != "EMISSION":
+        return np.ones(3), [f"Light '{name}': {graph.describe(node)} is not carried; it shines evenly in its colour"]
+    factor, notes = np.ones(3), []
+    for socket in (node.inputs["Color"], node.inputs["Strength"]):
+        try:
+            value = graph.value_of(socket, source.groups)
+        except graph.NotCarriedError as error:
+            notes.append(f"Light '{name}': {error}; it shines evenly")
+            continue
+        if value.is_image:
+            notes.append(f"Light '{name}': its image is not carried; it shines evenly in the image's mean")
+        factor = factor * value.constant()
+    return factor, notes
+
+
 def _colour(light) -> list[float]:
     """Colour times power: watts per channel; watts per square metre for a sun."""
     power = light.energy * 2.0 ** getattr(light, "exposure", 0.0)
-    colour = list(light.color)
+    colour = [float(channel) for channel in to_rec709(np.array(light.color, np.float32))]
     if getattr(light, "use_temperature", False):
         colour = [a * b for a, b in zip(colour, light.temperature_color, strict=True)]
     return [max(0.0, channel * power) for channel in colour]
 
 
 def _emitter(colour, factor) -> dict[str, Any]:
-    return {"type": "emitter", "radiance": [channel * factor for channel in colour]}
+    """A lamp's surface: it shines on its front and holds back no light, as lamps do in Cycles."""
+    radiance = [channel * factor for channel in colour]
+    return {"type": "principled", "base_color": [0.0, 0.0, 0.0], "opacity": 0.0, "emission": radiance}
 
 
 def _normalized(light) -> bool:
@@ -119,18 +145,28 @@ def _facing_down(name, shape, to_world, scale) -> dict[str, Any]:
 
 
 def _spot(name, light, to_world, colour):
-    """A shining disk with the intensity of a point lamp along its axis, in a black tube that cuts off the cone."""
+    """A shining disk with the intensity of a point lamp along its axis, in a black tube that cuts off the cone.
+
+    The tube's opening shows all of the disk within the angle where the lamp's blend begins, and nothing of it beyond
+    the cone.
+    """
     radius, notes = _radius(name, light)
-    notes.append(f"Light '{name}': a spot is a disk in a black tube; its blend and even brightness are not carried")
+    notes.append(f"Light '{name}': a spot is a disk in a black tube, which is seen and casts shadows")
     if light.use_square:
         notes.append(f"Light '{name}': a spot is round; its square shape is not carried")
-    disk = SPOT_SHARE * radius
+    half = 0.5 * light.spot_size
+    if half >= math.radians(80.0):
+        notes.append(f"Light '{name}': a spot so wide is a disk that shines to its whole front side")
+        disk, tube_length = SMALLEST_SPOT * radius, 0.0
+    else:
+        outer = math.tan(half)
+        inner = math.tan(math.acos(min(1.0, math.cos(half) + (1.0 - math.cos(half)) * light.spot_blend)))
+        disk = max((outer - inner) / (outer + inner), SMALLEST_SPOT) * radius
+        tube_length = (radius + disk) / outer
     emitter = _emitter(colour, _sphere_radiance(light, radius) * (radius / disk) ** 2)
     tables = [_facing_down(name, "disk", to_world, (disk, disk, 1.0)) | {"material": emitter}]
-    half = 0.5 * light.spot_size
-    if half < math.radians(80.0):  # a wider cone is the disk's own
-        # From the disk's centre the tube's opening is seen under the cone's half angle.
-        tube = _facing_down(f"{name} housing", "cylinder", to_world, (radius, radius, radius / math.tan(half)))
+    if tube_length:
+        tube = _facing_down(f"{name} housing", "cylinder", to_world, (radius, radius, tube_length))
         tables.append(tube | {"material": {"type": "diffuse", "color": [0.0, 0.0, 0.0]}})
     return tables, notes
 

@@ -1,191 +1,469 @@
-"""Materials of the new objects, by Blender's glTF exporter; what it cannot carry is said by name."""
+"""Blender's shader nodes as the one material that the renderer's mesh files have; what it lacks is told by name."""
 
-from collections.abc import Iterator
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
 import bpy
+import numpy as np
 
-CARRIED = {
-    "BSDF_PRINCIPLED",
-    "EMISSION",
-    "TEX_IMAGE",
-    "NORMAL_MAP",
-    "UVMAP",
-    "TEX_COORD",
-    "MAPPING",
-    "SEPARATE_COLOR",
-    "OUTPUT_MATERIAL",
-    "REROUTE",
-    "FRAME",
-    "RGB",
-    "VALUE",
-    "VERTEX_COLOR",
-}
-"""Shader nodes that the glTF exporter understands where they stand as in its manual."""
+from .graph import (
+    NotCarriedError,
+    Place,
+    Value,
+    combined,
+    constant,
+    describe,
+    missing_images,
+    origin,
+    own_value,
+    value_of,
+)
+from .images import to_rec709
+
 LOST_INPUTS = {
     "Subsurface Weight": "subsurface scattering",
     "Sheen Weight": "sheen",
     "Anisotropic": "anisotropy",
     "Diffuse Roughness": "the roughness of its diffuse part",
     "Thin Film Thickness": "thin film",
-    "Coat Normal": "the coat's normal map",
 }
-"""Inputs of the Principled BSDF that the renderer's materials do not have, with what they are."""
-KINDS_OF_IMAGES = {"SEQUENCE": "sequence", "MOVIE": "movie", "TILED": "set of tiles"}
-SINGLE_SHADERS = {"BSDF_GLASS", "BSDF_REFRACTION", "BSDF_DIFFUSE", "BSDF_GLOSSY"}
-"""Shaders that become a Principled BSDF before export, as the glTF exporter knows only that."""
+"""Inputs of the Principled BSDF that the renderer's material does not have, with what they are."""
+WITHOUT_MATERIAL = 0.8
+"""Grey of the plastic that Cycles gives to what has no material."""
 
 
-def surface_shader(material):
-    """The node at the surface input of the material's output, or ``None``."""
-    if not material.use_nodes or material.node_tree is None:
-        return None
-    output = material.node_tree.get_output_node("ALL")
-    links = output.inputs["Surface"].links if output else ()
-    return links[0].from_node if links else None
+@dataclass(frozen=True)
+class Surface:
+    """A metallic-roughness material, linear Rec.709.
+
+    Attributes:
+        base: base colour.
+        metallic, roughness, coat, coat_roughness, transmission, opacity: shares.
+        emission: emitted radiance.
+        ior: index of refraction.
+        level: the Principled BSDF's specular level, 0.5 is that of the index of refraction.
+        normal: a tangent-space normal map as its file holds it, or ``None``.
+        normal_strength: factor on the normal map.
+        visible: false where light passes as if nothing were there.
+        notes: what of the nodes cannot be carried, one end of a sentence each.
+    """
+
+    base: Value = field(default_factory=lambda: constant(*[WITHOUT_MATERIAL] * 3))
+    metallic: Value = field(default_factory=lambda: constant(0.0))
+    roughness: Value = field(default_factory=lambda: constant(1.0))
+    coat: Value = field(default_factory=lambda: constant(0.0))
+    coat_roughness: Value = field(default_factory=lambda: constant(0.0))
+    transmission: Value = field(default_factory=lambda: constant(0.0))
+    opacity: Value = field(default_factory=lambda: constant(1.0))
+    emission: Value = field(default_factory=lambda: constant(0.0, 0.0, 0.0))
+    ior: float = 1.5
+    level: float = 0.0
+    normal: Value | None = None
+    normal_strength: float = 1.0
+    visible: bool = True
+    notes: tuple[str, ...] = ()
 
 
-def notes(material) -> list[str]:
-    """What of a material cannot be carried, one sentence each, with the material's name."""
-    shader = surface_shader(material)
-    if shader is None:
-        return []
-    said = []
-    for node in _upstream(shader):
-        if node.type not in CARRIED and not (node == shader and node.type in SINGLE_SHADERS):
-            said.append(f"Material '{material.name}': node '{node.name}' ({node.bl_label}) is not carried")
-        if node.type == "TEX_IMAGE":
-            if node.image is None:
-                said.append(f"Material '{material.name}': node '{node.name}' has no image")
-            elif node.image.source in KINDS_OF_IMAGES:
-                said.append(
-                    f"Material '{material.name}': image '{node.image.name}' of node '{node.name}' is a "
-                    f"{KINDS_OF_IMAGES[node.image.source]}, of which one picture is carried at most"
-                )
-    if shader.type == "BSDF_PRINCIPLED":
-        for name, meaning in LOST_INPUTS.items():
-            socket = shader.inputs.get(name)
-            if socket is not None and (
-                socket.is_linked or (hasattr(socket.default_value, "real") and socket.default_value > 0)
-            ):
-                said.append(f"Material '{material.name}': {meaning} ('{name}') is not carried")
-    output = material.node_tree.get_output_node("ALL")
-    for name in ("Volume", "Displacement"):
-        if output.inputs[name].is_linked:
-            said.append(f"Material '{material.name}': {name.lower()} is not carried")
-    return said
+BLACK = Surface(base=constant(0.0, 0.0, 0.0))
+INVISIBLE = Surface(visible=False, opacity=constant(0.0))
 
 
-def _upstream(node, seen=None) -> Iterator:
-    seen = set() if seen is None else seen
-    if node.name in seen:
-        return
-    seen.add(node.name)
-    yield node
-    for socket in node.inputs:
-        for link in socket.links:
-            yield from _upstream(link.from_node, seen)
-
-
-def for_export(material, depsgraph) -> bpy.types.Material:
-    """A copy of a material that the glTF exporter understands, as it is at the depsgraph's frame."""
-    copy = material.copy()
-    if copy.node_tree is not None:
-        evaluated = material.evaluated_get(depsgraph)
-        copy.node_tree.animation_data_clear()  # the exporter's scene is at frame 1 and would set its values
-        for node in copy.node_tree.nodes:
-            _copy_values(evaluated.node_tree.nodes[node.name], node)
-        shader = surface_shader(copy)
-        if shader is not None and shader.type in SINGLE_SHADERS:
-            _as_principled(copy.node_tree, shader)
-    return copy
-
-
-def _copy_values(source, target) -> None:
-    """Unlinked values of a node's sockets, which animation may have changed."""
-    for kind in ("inputs", "outputs"):
-        for index, socket in enumerate(getattr(target, kind)):
-            if hasattr(socket, "default_value") and socket.type in {"VALUE", "RGBA", "VECTOR"}:
-                socket.default_value = getattr(source, kind)[index].default_value
-
-
-def _as_principled(tree, shader) -> None:
-    """Put a Principled BSDF in the place of a single shader."""
-    principled = tree.nodes.new("ShaderNodeBsdfPrincipled")
-    pairs = {"Color": "Base Color", "Roughness": "Roughness", "Normal": "Normal", "IOR": "IOR"}
-    if shader.type == "BSDF_DIFFUSE":
-        principled.inputs["Roughness"].default_value = 1.0
-        _set(principled, ("Specular IOR Level", "Specular"), 0.0)
-        del pairs["Roughness"]  # that of a diffuse surface (Oren and Nayar's) means something else
-    elif shader.type == "BSDF_GLOSSY":
-        principled.inputs["Metallic"].default_value = 1.0
-    else:
-        _set(principled, ("Transmission Weight", "Transmission"), 1.0)
-    for name, counterpart in pairs.items():
-        source = shader.inputs.get(name)
-        if source is None:
-            continue
-        if source.is_linked:
-            tree.links.new(source.links[0].from_socket, principled.inputs[counterpart])
-        elif name != "Normal":
-            principled.inputs[counterpart].default_value = source.default_value
-    for link in list(shader.outputs[0].links):
-        tree.links.new(principled.outputs[0], link.to_socket)
-    tree.nodes.remove(shader)
-
-
-def _set(node, names, value) -> None:
-    """Set the first of the inputs that this version of Blender has."""
-    for name in names:
-        if name in node.inputs:
-            node.inputs[name].default_value = value
-            return
-
-
-GLTF_SETTINGS = {
-    "export_format": "GLB",
-    "use_active_scene": True,
-    "export_yup": True,
-    "export_apply": False,
-    "export_animations": False,
-    "export_skins": False,
-    "export_morph": False,
-    "export_cameras": False,
-    "export_lights": False,
-    "export_extras": False,
-    "export_materials": "EXPORT",
-    "check_existing": False,
-}
-
-
-def write_synthetic(path: Path, mesh: bpy.types.Mesh, depsgraph) -> list[str]:
-    """Write a mesh with its materials as binary glTF.
+def surface_of(material: bpy.types.Material | None) -> tuple[Surface, list[str]]:
+    """What an evaluated material is to the renderer.
 
     Args:
-        path: the file, ending in ``.glb``.
-        mesh: a mesh of Blender's own data (not an evaluated one), modifiers applied; its materials are replaced.
-        depsgraph: where animated materials have their values.
+        material: evaluated, or ``None`` for a slot without one.
 
     Returns:
-        Notes on what cannot be carried.
+        The surface, and sentences on what cannot be carried, with the material's name.
     """
-    originals = [material for material in mesh.materials if material is not None]
-    said = [note for material in originals for note in notes(material)]
-    copies = {material: for_export(material, depsgraph) for material in originals}
-    for index, material in enumerate(list(mesh.materials)):
-        if material is not None:
-            mesh.materials[index] = copies[material]
-    scene = bpy.data.scenes.new("lightdepth export")
-    item = bpy.data.objects.new(mesh.name, mesh)
-    scene.collection.objects.link(item)
-    known = bpy.ops.export_scene.gltf.get_rna_type().properties
-    settings = {name: value for name, value in GLTF_SETTINGS.items() if name in known}
+    if material is None:
+        return Surface(roughness=constant(0.5), level=0.5), []
+    tree = material.node_tree if _uses_nodes(material) else None
+    if tree is None:
+        return Surface(base=Value(to_rec709(np.array(material.diffuse_color[:3], np.float32)))), []
+    output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    if output is None:
+        return BLACK, []
+    said = missing_images(tree)
+    if origin(Place(output.inputs["Surface"])) is None:
+        surface = BLACK
+        if origin(Place(output.inputs["Volume"])) is not None:
+            surface = INVISIBLE
+            said.append("its volume is not carried; it has no surface and is left out")
+    else:
+        surface = _shader(Place(output.inputs["Surface"]))
+        if origin(Place(output.inputs["Volume"])) is not None:
+            said.append("volume is not carried")
+    if origin(Place(output.inputs["Displacement"])) is not None:
+        said.append("displacement is not carried")
+    said += surface.notes
+    return surface, [f"Material '{material.name}': {sentence}" for sentence in dict.fromkeys(said)]
+
+
+def _uses_nodes(material) -> bool:
+    """Whether the nodes count; always so since Blender 5.0, which deprecates the switch."""
+    return bpy.app.version >= (5, 0, 0) or material.use_nodes
+
+
+class _Inputs:
+    """The inputs of a shader node, and what could not be carried of them."""
+
+    def __init__(self, node, groups):
+        self._node, self._groups = node, groups
+        self.notes: list[str] = []
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._node.inputs
+
+    def value(self, name: str) -> Value:
+        """An input, or its own unlinked value where it cannot be carried."""
+        socket = self._node.inputs[name]
+        try:
+            return value_of(socket, self._groups)
+        except NotCarriedError as error:
+            value = own_value(Place(socket, self._groups)) if not socket.is_linked else _default(socket)
+            shown = ", ".join(f"{number:.3g}" for number in value.numbers)
+            self.notes.append(f"{error}; '{name}' is {shown} instead")
+            return value
+
+    def number(self, name: str) -> float:
+        """An input of one number; of an image its mean, with a note."""
+        value = self.value(name).as_number()
+        if value.is_image:
+            self.notes.append(f"'{name}' is one number for the whole surface; it has the mean of its image")
+        return float(value.constant()[0])
+
+    def is_set(self, name: str) -> bool:
+        """Whether an input is there and not zero."""
+        socket = self._node.inputs.get(name)
+        if socket is None:
+            return False
+        return origin(Place(socket, self._groups)) is not None or bool(
+            np.any(own_value(Place(socket, self._groups)).numbers)
+        )
+
+    def normals(self) -> dict:
+        """The fields of a surface for the normals of a shader."""
+        try:
+            value, strength = self._normals(Place(self._node.inputs["Normal"], self._groups))
+        except NotCarriedError as error:
+            self.notes.append(str(error))
+            return {}
+        return {} if value is None else {"normal": value, "normal_strength": strength}
+
+    def _normals(self, place: Place) -> tuple[Value | None, float]:
+        source = origin(place)
+        if source is None:
+            return None, 1.0
+        node, groups = source.socket.node, source.groups
+        if node.type == "BUMP":
+            self.notes.append(f"{describe(node)} is not carried; the surface is smooth there")
+            return self._normals(Place(node.inputs["Normal"], groups))
+        if node.type in {"NEW_GEOMETRY", "TEX_COORD"}:
+            return None, 1.0
+        if node.type != "NORMAL_MAP":
+            raise NotCarriedError(f"{describe(node)} for normals is not carried")
+        if node.space != "TANGENT":
+            raise NotCarriedError(f"{describe(node)} in {node.space.replace('_', ' ').lower()} is not carried")
+        strength = value_of(node.inputs["Strength"], groups).constant()[0]
+        value = value_of(node.inputs["Color"], groups)
+        return (value if value.is_image else None), float(strength)
+
+
+def _default(socket) -> Value:
+    value = socket.default_value
+    if socket.type == "RGBA":
+        return Value(to_rec709(np.array(value[:3], np.float32)))
+    return constant(float(value)) if socket.type == "VALUE" else Value(np.array(value[:3], np.float32))
+
+
+def _shader(place: Place) -> Surface:
+    """What feeds a shader input."""
+    source = origin(place)
+    if source is None:
+        return BLACK
+    node = source.socket.node
+    make = SHADERS.get(node.type)
+    if make is None:
+        return Surface(notes=(f"{describe(node)} is not carried; the surface is matte grey",))
+    inputs = _Inputs(node, source.groups)
+    surface = make(node, inputs, source.groups)
+    return replace(surface, notes=(*surface.notes, *inputs.notes))
+
+
+def _principled(node, inputs, groups) -> Surface:
+    for name, meaning in LOST_INPUTS.items():
+        if inputs.is_set(name):
+            inputs.notes.append(f"{meaning} ('{name}') is not carried")
+    coat = inputs.value("Coat Weight") if inputs.is_set("Coat Weight") else constant(0.0)
+    if inputs.is_set("Coat Weight"):
+        if origin(Place(node.inputs["Coat Normal"], groups)) is not None:
+            inputs.notes.append("the coat's normal map ('Coat Normal') is not carried")
+        if not _is_white(inputs, "Coat Tint"):
+            inputs.notes.append("the coat's colour ('Coat Tint') is not carried")
+    if not _is_white(inputs, "Specular Tint"):
+        inputs.notes.append("the colour of reflections ('Specular Tint') is not carried")
+    emission = constant(0.0, 0.0, 0.0)
+    if inputs.is_set("Emission Strength") and inputs.is_set("Emission Color"):
+        emission = _product(inputs, "emission", inputs.value("Emission Color"), inputs.value("Emission Strength"))
+    opacity = inputs.value("Alpha")
+    level, metallic = inputs.number("Specular IOR Level"), inputs.value("Metallic")
+    # A dielectric without reflection is matte; the renderer would let it reflect at grazing angles.
+    matte = level == 0.0 and not metallic.numbers.any() and not inputs.is_set("Transmission Weight")
+    return Surface(
+        base=inputs.value("Base Color").as_colour(),
+        metallic=metallic,
+        roughness=constant(1.0) if matte else inputs.value("Roughness"),
+        coat=coat,
+        coat_roughness=inputs.value("Coat Roughness"),
+        transmission=inputs.value("Transmission Weight"),
+        opacity=opacity,
+        emission=_covered(inputs, emission, opacity),
+        ior=inputs.number("IOR"),
+        level=level,
+        **inputs.normals(),
+    )
+
+
+def _is_white(inputs: _Inputs, name: str) -> bool:
+    if name not in inputs:
+        return True
+    value = inputs.value(name)
+    return not value.is_image and bool(np.all(np.abs(value.numbers - 1.0) < 1e-4))
+
+
+def _product(inputs: _Inputs, what: str, colour: Value, share: Value) -> Value:
+    """A colour times a number, or the colour alone with a note where the two are laid in different ways."""
     try:
-        with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
-            bpy.ops.export_scene.gltf(filepath=str(path), **settings)
-    finally:
-        bpy.data.objects.remove(item)
-        bpy.data.scenes.remove(scene)
-        for copy in copies.values():
-            bpy.data.materials.remove(copy)
-    return said
+        return combined(np.multiply, colour.as_colour(), share)
+    except NotCarriedError as error:
+        inputs.notes.append(f"of its {what}: {error}")
+        return colour.as_colour() if share.is_image else share.as_colour()
+
+
+def _covered(inputs: _Inputs, emission: Value, opacity: Value) -> Value:
+    """Emission where the surface is there; the renderer would let holes shine."""
+    if not np.any(emission.numbers) or (not opacity.is_image and opacity.numbers[0] == 1.0):
+        return emission
+    return _product(inputs, "emission", emission, opacity)
+
+
+def _diffuse(node, inputs, groups) -> Surface:
+    if inputs.is_set("Roughness"):
+        inputs.notes.append("the roughness of its diffuse part ('Roughness') is not carried")
+    return Surface(base=inputs.value("Color").as_colour(), **inputs.normals())
+
+
+def _glossy(node, inputs, groups) -> Surface:
+    if inputs.is_set("Anisotropy"):
+        inputs.notes.append("anisotropy is not carried")
+    return Surface(
+        base=inputs.value("Color").as_colour(),
+        metallic=constant(1.0),
+        roughness=inputs.value("Roughness"),
+        level=0.5,
+        **inputs.normals(),
+    )
+
+
+def _metallic(node, inputs, groups) -> Surface:
+    if node.fresnel_type != "F82":
+        inputs.notes.append("a metal's measured indices of refraction are not carried; its colour is grey")
+        return Surface(base=constant(0.8, 0.8, 0.8), metallic=constant(1.0), roughness=inputs.value("Roughness"))
+    if not _is_white(inputs, "Edge Tint"):
+        inputs.notes.append("a metal's colour at its edges ('Edge Tint') is not carried")
+    return _glossy(node, _Renamed(inputs, {"Color": "Base Color"}), groups)
+
+
+class _Renamed:
+    """Inputs under the names of another node."""
+
+    def __init__(self, inputs: _Inputs, names: dict[str, str]):
+        self._inputs, self._names = inputs, names
+        self.notes = inputs.notes
+
+    def value(self, name: str) -> Value:
+        return self._inputs.value(self._names.get(name, name))
+
+    def is_set(self, name: str) -> bool:
+        return self._inputs.is_set(self._names.get(name, name))
+
+    def normals(self) -> dict:
+        return self._inputs.normals()
+
+
+def _glass(node, inputs, groups) -> Surface:
+    if node.type == "BSDF_REFRACTION":
+        inputs.notes.append("a refraction without reflection is not carried; it reflects as glass does")
+    if not _is_white(inputs, "Color"):
+        inputs.notes.append(f"reflections of {describe(node)} are white and not of its colour")
+    # Its colour is that of one surface, the renderer's that of a way through the body.
+    colour = combined(np.multiply, *[inputs.value("Color").as_colour()] * 2)
+    return Surface(
+        base=colour,
+        roughness=inputs.value("Roughness"),
+        transmission=constant(1.0),
+        ior=inputs.number("IOR"),
+        level=0.5,
+        **inputs.normals(),
+    )
+
+
+def _transparent(node, inputs, groups) -> Surface:
+    colour = inputs.value("Color").as_colour()
+    if not colour.is_image and bool(np.all(colour.numbers >= 1.0 - 1e-4)):
+        return INVISIBLE
+    if float(np.ptp(colour.constant())) > 1e-3:
+        inputs.notes.append(f"the colour of {describe(node)} is not carried; it lets grey light through")
+    opacity = combined(lambda a: np.clip(1.0 - a, 0.0, 1.0), colour.as_number())
+    return Surface(base=constant(0.0, 0.0, 0.0), opacity=opacity)
+
+
+def _emission(node, inputs, groups) -> Surface:
+    emission = _product(inputs, "emission", inputs.value("Color"), inputs.value("Strength"))
+    return replace(BLACK, emission=emission)
+
+
+def _translucent(node, inputs, groups) -> Surface:
+    inputs.notes.append(f"{describe(node)} lets no light through; it is matte")
+    return Surface(base=inputs.value("Color").as_colour(), **inputs.normals())
+
+
+def _subsurface(node, inputs, groups) -> Surface:
+    inputs.notes.append(f"{describe(node)} is matte; light does not pass below its surface")
+    return Surface(base=inputs.value("Color").as_colour(), **inputs.normals())
+
+
+def _mix(node, inputs, groups) -> Surface:
+    factor_socket, *shader_sockets = node.inputs
+    first, second = (_shader(Place(socket, groups)) for socket in shader_sockets)
+    share_source = origin(Place(factor_socket, groups))
+    if share_source is not None and share_source.socket.node.type == "FRESNEL":
+        coated = _plastic(first, second, share_source, groups)
+        if coated is not None:
+            return coated
+    share = inputs.value(factor_socket.name)
+    try:
+        return _blended(node, first, second, share)
+    except NotCarriedError as error:
+        inputs.notes.append(f"{describe(node)}: {error}; the first shader is carried alone")
+        return first
+
+
+def _plastic(first: Surface, second: Surface, share_source: Place, groups) -> Surface | None:
+    """A matte surface below reflections by Fresnel's law, which is a dielectric."""
+    matte = first.metallic.numbers.max() == 0.0 and first.level == 0.0 and first.visible
+    mirror = not second.metallic.is_image and second.metallic.numbers[0] == 1.0
+    if not (matte and mirror):
+        return None
+    ior = value_of(share_source.socket.node.inputs["IOR"], share_source.groups).constant()[0]
+    return replace(
+        first,
+        roughness=second.roughness,
+        ior=float(ior),
+        level=0.5,
+        normal=first.normal or second.normal,
+        notes=(*first.notes, *second.notes),
+    )
+
+
+def _blended(node, first: Surface, second: Surface, share: Value) -> Surface:
+    """A mixture of two surfaces; exact where one of them is a hole or only shines."""
+    if not share.is_image and share.numbers[0] <= 0.0:
+        return first
+    if not share.is_image and share.numbers[0] >= 1.0:
+        return second
+    clipped = combined(lambda a: np.clip(a, 0.0, 1.0), share)
+    notes = (*first.notes, *second.notes)
+    for whole, other, weight in (
+        (first, second, combined(lambda a: 1.0 - a, clipped)),
+        (second, first, clipped),
+    ):
+        if not other.visible:
+            return replace(
+                whole,
+                opacity=combined(np.multiply, whole.opacity, weight),
+                emission=combined(np.multiply, whole.emission, weight),
+                notes=notes,
+            )
+
+    def between(a: Value, b: Value) -> Value:
+        if not a.is_image and not b.is_image and np.array_equal(a.numbers, b.numbers) and a.attribute == b.attribute:
+            return a
+        return combined(lambda low, high, part: low + part * (high - low), a, b, clipped)
+
+    part = float(clipped.constant()[0])
+    # A surface that only shines is black: it takes nothing but its share of the colour.
+    shines = [surface.base is BLACK.base for surface in (first, second)]
+    if shines == [True, False]:
+        first = replace(second, base=first.base, emission=first.emission, coat=first.coat)
+    elif shines == [False, True]:
+        second = replace(first, base=second.base, emission=second.emission, coat=second.coat)
+    elif not _alike(first, second):
+        notes += (f"{describe(node)} of unlike shaders is one material of their mean",)
+    return Surface(
+        **{
+            name: between(getattr(first, name), getattr(second, name))
+            for name in (
+                "base",
+                "metallic",
+                "roughness",
+                "coat",
+                "coat_roughness",
+                "transmission",
+                "opacity",
+                "emission",
+            )
+        },
+        ior=first.ior + part * (second.ior - first.ior),
+        level=first.level + part * (second.level - first.level),
+        normal=first.normal or second.normal,
+        normal_strength=(first if first.normal else second).normal_strength,
+        notes=notes,
+    )
+
+
+def _alike(first: Surface, second: Surface) -> bool:
+    """Whether the mean of two surfaces' settings is near the mean of what they show: they differ in colour alone."""
+    names = ("metallic", "roughness", "transmission", "coat")
+    return first.level == second.level and all(
+        np.array_equal(getattr(first, name).numbers, getattr(second, name).numbers) for name in names
+    )
+
+
+def _add(node, inputs, groups) -> Surface:
+    first, second = (_shader(Place(socket, groups)) for socket in node.inputs)
+    for whole, other in ((first, second), (second, first)):
+        if other.base is BLACK.base and other.visible:  # it only shines
+            emission = combined(np.add, whole.emission, other.emission)
+            if not whole.visible:
+                emission = constant(0.0, 0.0, 0.0)
+                inputs.notes.append(f"{describe(node)}: light of a surface that is not there is not carried")
+            return replace(whole, emission=emission, notes=(*first.notes, *second.notes))
+    inputs.notes.append(f"{describe(node)} of two reflecting shaders is not carried; the first is carried alone")
+    return first
+
+
+SHADERS = {
+    "BSDF_PRINCIPLED": _principled,
+    "BSDF_DIFFUSE": _diffuse,
+    "BSDF_GLOSSY": _glossy,
+    "BSDF_ANISOTROPIC": _glossy,
+    "BSDF_METALLIC": _metallic,
+    "BSDF_GLASS": _glass,
+    "BSDF_REFRACTION": _glass,
+    "BSDF_TRANSPARENT": _transparent,
+    "BSDF_TRANSLUCENT": _translucent,
+    "SUBSURFACE_SCATTERING": _subsurface,
+    "EMISSION": _emission,
+    "MIX_SHADER": _mix,
+    "ADD_SHADER": _add,
+}
+"""Shader nodes that can be carried, by Blender's type."""
+
+
+def reflection_ior(surface: Surface) -> float:
+    """Index of refraction of a dielectric whose reflection is the Principled BSDF's, specular level included."""
+    normal = ((surface.ior - 1.0) / (surface.ior + 1.0)) ** 2 * 2.0 * surface.level
+    root = float(np.sqrt(min(max(normal, 0.0), 0.35)))
+    return (1.0 + root) / (1.0 - root)

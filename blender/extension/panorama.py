@@ -18,6 +18,10 @@ CAPTURE_NAME = "Capture point"
 WORLD_NAME = "lightdepth panorama"
 SURFACE_NAMES = {False: "lightdepth projection", True: "lightdepth projection at rest"}
 """Materials that show the panorama on a surface, by whether it has rest positions."""
+SURFACE_FIELDS = {False: "projection", True: "projection_at_rest"}
+"""Settings of a scene that keep them: each scene has its own."""
+PROJECTION = "lightdepth projection"
+"""Custom property that marks such a material."""
 EYE_HEIGHT = 1.6
 
 
@@ -45,19 +49,32 @@ def has_capture_point(scene: bpy.types.Scene) -> bool:
 
 
 def rebuild(scene: bpy.types.Scene) -> None:
-    """Make the world and the projecting materials show the scene's panorama from its capture point."""
+    """Make the world and the projecting materials show the scene's panorama from its capture point.
+
+    The world that the scene had is kept, and comes back when there is no panorama any more.
+    """
     settings = scene.lightdepth
     if settings.image is None or settings.capture is None:
+        if settings.world is not None and scene.world == settings.world:
+            scene.world = settings.world_before
         return
-    world = bpy.data.worlds.get(WORLD_NAME) or bpy.data.worlds.new(WORLD_NAME)
-    scene.world = world
-    _build(world, "ShaderNodeOutputWorld", "ShaderNodeBackground", settings, at_infinity=True)
+    if settings.world is None:
+        settings.world = bpy.data.worlds.new(WORLD_NAME)
+    if scene.world != settings.world and settings.shown_image != settings.image:
+        settings.world_before = scene.world
+        scene.world = settings.world  # once for each panorama: who chooses another world afterwards has it
+    settings.shown_image = settings.image
+    _build(settings.world, "ShaderNodeOutputWorld", "ShaderNodeBackground", settings, at_infinity=True)
     for has_rest, name in SURFACE_NAMES.items():
-        material = bpy.data.materials.get(name) or bpy.data.materials.new(name)
+        field = SURFACE_FIELDS[has_rest]
+        if getattr(settings, field) is None:
+            setattr(settings, field, bpy.data.materials.new(name))
+        material = getattr(settings, field)
+        material[PROJECTION] = True
         _build(material, "ShaderNodeOutputMaterial", "ShaderNodeEmission", settings, has_rest=has_rest)
     for item in scene.objects:
         if item.type == "MESH" and item.lightdepth.role != "SYNTHETIC":
-            project_onto(item)
+            project_onto(item, scene)
 
 
 def _build(owner, output_type, shader_type, settings, at_infinity=False, has_rest=False) -> None:
@@ -110,13 +127,30 @@ def _follow(socket, target, channel) -> None:
         variable.targets[0].rotation_mode = "XYZ"
 
 
-def project_onto(item: bpy.types.Object) -> None:
-    """Let a mesh show the panorama, once there is one; the materials of its data stay there for later."""
-    material = bpy.data.materials.get(SURFACE_NAMES[REST in item.data.attributes])
+def is_projection(material: bpy.types.Material | None) -> bool:
+    """Whether a material is one that shows a panorama."""
+    return material is not None and PROJECTION in material
+
+
+def project_onto(item: bpy.types.Object, scene: bpy.types.Scene | None = None) -> None:
+    """Let a mesh show the panorama, once there is one; its own materials are kept for later.
+
+    Args:
+        item: the mesh object.
+        scene: whose panorama; by default that of the first scene that has the object.
+    """
+    scene = scene or next((each for each in bpy.data.scenes if item.name in each.objects), None)
+    material = None if scene is None else getattr(scene.lightdepth, SURFACE_FIELDS[REST in item.data.attributes])
     if material is None:
         return
     if not item.material_slots:
         item.data.materials.append(None)
+    kept = item.lightdepth.own_slots
+    if not any(is_projection(slot.material) for slot in item.material_slots):
+        kept.clear()
+        for slot in item.material_slots:
+            own = kept.add()
+            own.by_object, own.material = slot.link == "OBJECT", slot.material if slot.link == "OBJECT" else None
     for slot in item.material_slots:
         slot.link = "OBJECT"
         slot.material = material
@@ -124,10 +158,13 @@ def project_onto(item: bpy.types.Object) -> None:
 
 def stop_projecting_onto(item: bpy.types.Object) -> None:
     """Take the panorama off a mesh; its own materials show again."""
-    for slot in item.material_slots:
-        if slot.link == "OBJECT" and slot.material is not None and slot.material.name in SURFACE_NAMES.values():
-            slot.material = None
-            slot.link = "DATA"
+    kept = item.lightdepth.own_slots
+    for index, slot in enumerate(item.material_slots):
+        if slot.link == "OBJECT" and is_projection(slot.material):
+            own = kept[index] if index < len(kept) else None
+            slot.material = own.material if own is not None and own.by_object else None
+            slot.link = "OBJECT" if own is not None and own.by_object else "DATA"
+    kept.clear()
 
 
 def show_in(space: bpy.types.SpaceView3D) -> None:

@@ -61,6 +61,13 @@ class SceneSettings(bpy.types.PropertyGroup):
         poll=lambda self, item: item.type == "EMPTY",
         update=lambda self, context: panorama.rebuild(self.id_data),
     )
+    shown_image: PointerProperty(type=bpy.types.Image, description="The panorama that the world was made to show")
+    world: PointerProperty(type=bpy.types.World, description="The world that shows the panorama")
+    world_before: PointerProperty(type=bpy.types.World, description="The world that the scene had before")
+    projection: PointerProperty(type=bpy.types.Material, description="Shows the panorama on surfaces")
+    projection_at_rest: PointerProperty(
+        type=bpy.types.Material, description="Shows the panorama on surfaces with rest positions"
+    )
     scale: FloatProperty(
         name="Radiance",
         description="Factor on the panorama's radiance",
@@ -115,6 +122,13 @@ class SceneSettings(bpy.types.PropertyGroup):
     denoise: BoolProperty(name="Denoise", description="Denoise the change and the new objects; never the photograph")
 
 
+class OwnSlot(bpy.types.PropertyGroup):
+    """A material slot as it was before it showed the panorama."""
+
+    by_object: BoolProperty(description="Whether its material was linked to the object and not to the data")
+    material: PointerProperty(type=bpy.types.Material)
+
+
 class ObjectSettings(bpy.types.PropertyGroup):
     """What an object stands for."""
 
@@ -125,6 +139,7 @@ class ObjectSettings(bpy.types.PropertyGroup):
         default=roles.SYNTHETIC,
         update=lambda self, context: roles.show_role(self.id_data),
     )
+    own_slots: CollectionProperty(type=OwnSlot, description="The slots while they show the panorama")
     use_gloss: BoolProperty(name="Gloss", description="The real surface also mirrors the new objects")
     roughness: FloatProperty(
         name="Roughness",
@@ -151,7 +166,7 @@ def show_lines(collection, lines) -> None:
         collection.add().text = line
 
 
-classes = (Line, FloorCorner, PanoramaPoint, SceneSettings, ObjectSettings)
+classes = (Line, FloorCorner, PanoramaPoint, SceneSettings, OwnSlot, ObjectSettings)
 
 
 def register() -> None:

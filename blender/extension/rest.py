@@ -10,11 +10,11 @@ from .panorama import REST
 
 
 def positions_in_world(mesh: bpy.types.Mesh, to_world) -> np.ndarray:
-    """A mesh's vertices, shape (n, 3), float32, world, metres."""
+    """A mesh's vertices, shape (n, 3), float64, world, metres."""
     vertices = np.empty(3 * len(mesh.vertices), np.float32)
     mesh.vertices.foreach_get("co", vertices)
     matrix = np.array(to_world, np.float64)
-    return (vertices.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32)
+    return vertices.reshape(-1, 3) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _real_meshes(context):
@@ -42,7 +42,7 @@ class StoreRest(bpy.types.Operator):
         for item in _real_meshes(context):
             mesh = item.data
             attribute = mesh.attributes.get(REST) or mesh.attributes.new(REST, "FLOAT_VECTOR", "POINT")
-            attribute.data.foreach_set("vector", positions_in_world(mesh, item.matrix_world).ravel())
+            attribute.data.foreach_set("vector", positions_in_world(mesh, item.matrix_world).astype(np.float32).ravel())
             roles.show_role(item)
         return {"FINISHED"}
 

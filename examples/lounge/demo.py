@@ -47,7 +47,7 @@ def main() -> None:
                 denoise=True,
                 progress=lambda step, task=task: bar.update(task, completed=step.fraction),
             )
-            write_frame(folder / f"{camera}.exr", frame, latlong=camera == "pano")
+            write_frame(folder / f"{camera}.exr", frame)
             write_picture(folder / f"{camera}.png", frame)
     console.print(f"Rendered in {time.monotonic() - started:.0f} seconds. The pictures, each as EXR and PNG:")
     for camera in SAMPLES:

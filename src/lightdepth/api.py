@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from lightdepth.errors import InputError
-from lightdepth.kernel.start import Device, start
+from lightdepth.film.sums import Share
+from lightdepth.kernel.start import DEVICE_LOCK, Device, start
 from lightdepth.packages import require_package
+from lightdepth.scene.identity import digest, scene_digest
 from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import CameraView, Scene
 
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
     from lightdepth.film.rendering import Progress, Rendering
-    from lightdepth.transport.methods import Prepared
+    from lightdepth.preparation.methods import Method, Prepared
 
 __all__ = ["begin_rendering", "load_scene", "render"]
 
@@ -36,6 +39,7 @@ def render(
     denoise: bool = False,
     progress: Callable[[Progress], bool | None] | None = None,
     draft: bool = False,
+    cache: bool = True,
 ) -> Frame:
     """Render a camera of a scene.
 
@@ -44,29 +48,32 @@ def render(
         camera: name of the camera; the scene's first by default.
         samples: samples per pixel; the scene's own setting by default.
         noise: relative error at which a pixel is done; the scene's own setting by default.
-        method: ``difference``, or another name out of ``lightdepth.transport.methods.METHODS``.
+        method: ``difference``, or another name out of ``lightdepth.preparation.METHODS``.
         seed: of the random numbers; the scene's own setting by default.
-        device: ``auto``, ``cpu`` or ``cuda``.
+        device: ``auto``, which is the CPU, ``cpu`` or ``cuda``; one process keeps the device that it started with.
         denoise: denoise the change and the synthetic layer.
         progress: called after every pass; where it returns true, the rendering stops with what it has.
         draft: a quick look: one noisy sample a pixel, if ``samples`` does not say otherwise, and shadows whose strength is
             known to some percent; object ids, depth, normals and albedo only where ``denoise`` needs them.
+        cache: take what belongs to the place from the cache on disk, and put it there.
 
     Returns:
         The image with its layers.
 
     Raises:
-        InputError: the camera or the method is unknown, or ``lightdepth check`` finds an error in the scene.
-        SetupError: the renderer or the denoiser is not installed rightly.
+        InputError: the camera or the method is unknown, ``samples`` or ``noise`` is out of range, or
+            ``lightdepth check`` finds an error in the scene.
+        SetupError: the renderer or the denoiser is not installed rightly, or the device is not there or not the one
+            that this process already computes on.
     """
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
-    rendering = begin_rendering(scene, camera, method, seed, device, draft=draft)
+    rendering = begin_rendering(scene, camera, method, seed, device, draft=draft, cache=cache)
     frame = rendering.complete(samples, noise, progress, auxiliary=denoise or not draft)
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
 
-        return denoised(frame, rendering.panoramic)
+        return denoised(frame)
     return frame
 
 
@@ -78,6 +85,8 @@ def begin_rendering(
     device: Device = "auto",
     warn: Callable[[str], None] | None = None,
     draft: bool = False,
+    share: Share | None = None,
+    cache: bool = True,
 ) -> Rendering:
     """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
 
@@ -91,26 +100,32 @@ def begin_rendering(
         device: ``auto``, ``cpu`` or ``cuda``.
         warn: told what will make the picture wrong in places, before the preparation takes its time.
         draft: a quick look.
+        share: the part of the work that this process does, see :class:`~lightdepth.film.sums.Share`; all by default.
+        cache: take what belongs to the place from the cache on disk, and put it there.
     """
     view = find_camera(scene, camera)
     start(device)
     find_method(method)
-    for warning in _renderable(scene):
-        if warn is not None:
-            warn(warning)
-    from lightdepth.film.rendering import Rendering
+    seed = scene.render.seed if seed is None else seed
+    with DEVICE_LOCK:
+        for warning in _renderable(scene):
+            if warn is not None:
+                warn(warning)
+        from lightdepth.film.rendering import Rendering
 
-    if draft:
-        scene = _drafted(scene)
-    return Rendering(scene, _prepare(scene, method), view, method, scene.render.seed if seed is None else seed)
+        if draft:
+            scene = _drafted(scene)
+        return Rendering(scene, _prepare(scene, method, cache), view, method, seed, share or Share())
 
 
 def find_camera(scene: Scene, name: str | None) -> CameraView:
     """A camera by name, or the first.
 
     Raises:
-        InputError: there is no camera of this name.
+        InputError: there is no camera of this name, or none at all.
     """
+    if not scene.cameras:
+        raise InputError(f"{scene.path or 'scene'}: has no camera")
     if name is None:
         return next(iter(scene.cameras.values()))
     if name not in scene.cameras:
@@ -118,13 +133,13 @@ def find_camera(scene: Scene, name: str | None) -> CameraView:
     return scene.cameras[name]
 
 
-def find_method(name: str) -> Callable[[Scene], Prepared]:
+def find_method(name: str) -> Method:
     """What makes a scene ready for a method; call :func:`~lightdepth.kernel.start.start` before.
 
     Raises:
         InputError: there is no method of this name.
     """
-    from lightdepth.transport.methods import METHODS
+    from lightdepth.preparation import METHODS
 
     if name not in METHODS:
         raise InputError(f"method '{name}' is unknown; allowed are {', '.join(METHODS)}")
@@ -135,22 +150,50 @@ def forget_prepared() -> None:
     """Free the memory of what :func:`begin_rendering` keeps of the scenes that were rendered last."""
     import drjit as dr
 
-    _prepare.cache_clear()
-    _renderable.cache_clear()
+    from lightdepth.checks import forget_checked_places
+    from lightdepth.preparation.place import forget_places
+
+    _prepared.clear()
+    _warnings.clear()
     _drafted.cache_clear()
+    forget_places()
+    forget_checked_places()
     dr.flush_malloc_cache()
 
 
-@lru_cache(maxsize=2)
+SCENES_KEPT = 2
+"""Scenes of which is kept what they were prepared to."""
+_prepared: OrderedDict[str, Prepared] = OrderedDict()
+_warnings: OrderedDict[str, tuple[str, ...]] = OrderedDict()
+"""By the digest of the scene, so that another object of the same contents counts."""
+Made = TypeVar("Made")
+
+
+def _kept(kept: OrderedDict[str, Made], key: str, make: Callable[[], Made]) -> Made:
+    """What is kept for ``key``, else what ``make`` makes for it."""
+    if key not in kept:
+        made = make()
+        kept[key] = made
+    kept.move_to_end(key)
+    while len(kept) > SCENES_KEPT:
+        kept.popitem(last=False)
+    return kept[key]
+
+
 def _renderable(scene: Scene) -> tuple[str, ...]:
     """What will make pictures of a scene wrong in places.
 
     Raises:
         InputError: there is what would make them meaningless; a line for each such problem.
     """
+    key = digest(scene_digest(scene), *scene.cameras.values())
+    return _kept(_warnings, key, lambda: _find_warnings(scene))
+
+
+def _find_warnings(scene: Scene) -> tuple[str, ...]:
     from lightdepth.checks import Severity, find_problems
 
-    problems = find_problems(scene)
+    problems = find_problems(scene, hints=False)
     told = {
         kind: [f"{scene.path or 'scene'}: {p.message}" for p in problems if p.severity is kind] for kind in Severity
     }
@@ -167,6 +210,8 @@ def _drafted(scene: Scene) -> Scene:
     return replace(scene, render=settings)
 
 
-@lru_cache(maxsize=2)
-def _prepare(scene: Scene, method: str) -> Prepared:
-    return find_method(method)(scene)
+def _prepare(scene: Scene, method: str, cache: bool) -> Prepared:
+    from lightdepth.store import default_store
+
+    store = default_store() if cache else None
+    return _kept(_prepared, f"{method} {scene_digest(scene)}", lambda: find_method(method)(scene, store))

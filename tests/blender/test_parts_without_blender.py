@@ -91,8 +91,8 @@ def test_an_interrupted_renderer_writes_what_it_has(renderer, tmp_path):
     with process.Rendering(str(renderer), arguments) as rendering:
         for event in rendering.events():
             if event is not None:
-                told.append(event["event"])
+                told.append(event)
                 if event["event"] == "progress":
                     rendering.interrupt()
-    assert told[-1] == "interrupted"
+    assert (told[-1]["event"], told[-1]["interrupted"]) == ("done", True)
     assert _load("exr").read(output)["beauty"]["R"].shape == (32, 64)

@@ -185,10 +185,10 @@ def test_bad_input_ends_in_one_message_and_nothing_written(room, panorama, tmp_p
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2] / "src")}
     clicks = text(room.pixels(room.RUG, WIDTH))
     command = [sys.executable, "-c", "from lightdepth.cli.app import main; main()", "calibrate", str(panorama)]
-    command += ["--rectangle", clicks, "--width", "2", "--picture", "check.png", "--write", "missing.toml"]
+    command += ["--rectangle", clicks, "--width", "2", "--picture", "check.png", "--write", "none/missing.toml"]
     done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, env=environment, check=False)
     assert done.returncode == 2
-    assert done.stderr.strip() == "error: missing.toml: no such file"
+    assert done.stderr.strip() == "error: none/missing.toml: cannot be written (there is no folder 'none')"
     assert list(tmp_path.iterdir()) == []
 
 

@@ -10,7 +10,7 @@ start("cpu")
 import mitsuba as mi  # noqa: E402
 from pydantic import ValidationError  # noqa: E402
 
-from lightdepth.cameras import Equirectangular, Fisheye, Perspective  # noqa: E402
+from lightdepth.cameras import Cubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective  # noqa: E402
 from lightdepth.directions import look_at_rotation, pixel_directions  # noqa: E402
 
 
@@ -123,6 +123,12 @@ def test_depth_of_field_is_sharp_at_focus_and_blurs_by_the_circle_of_confusion()
         (Perspective, {"type": "perspective", "width": 32, "height": 32, "fov": 180}),
         (Perspective, {"type": "perspective", "width": 32, "height": 32, "look_at": (0, 1, 0), "rotation": (0, 0, 0)}),
         (Perspective, {"type": "perspective", "width": 32, "height": 32, "aperture": 0.1}),
+        (Cubemap, {"type": "cubemap", "width": 64}),
+        (Cubemap, {"type": "cubemap", "width": 63, "layout": "strip"}),
+        (OmnidirectionalStereo, {"type": "ods", "width": 66}),
+        (OmnidirectionalStereo, {"type": "ods", "width": 64, "zenith_merge": (70, 60)}),
+        (OmnidirectionalStereo, {"type": "ods", "width": 64, "nadir_merge": (70, 95)}),
+        (OmnidirectionalStereo, {"type": "ods", "width": 64, "convergence_distance": 0.05}),
     ],
 )
 def test_impossible_cameras_are_refused(camera, settings):
@@ -136,7 +142,25 @@ CAMERAS = {
     "equisolid dome": Fisheye(type="fisheye", width=51, fov=180, mapping="equisolid"),
     "view": Perspective(type="perspective", width=40, height=30, fov=70, shift=(0.2, -0.1)),
     "lens": Perspective(type="perspective", width=40, height=30, fov=50, aperture=0.3, focus_distance=2.0),
+    "cubemap": Cubemap(type="cubemap", width=60),
+    "strip": Cubemap(type="cubemap", width=60, layout="strip"),
+    "stereo": OmnidirectionalStereo(type="ods", width=64),
+    "side by side": OmnidirectionalStereo(
+        type="ods",
+        width=64,
+        layout="side-by-side",
+        zenith_merge=(20, 85),
+        nadir_merge=(90, 90),
+        interocular_distance=0.2,
+    ),
+    "convergent stereo": OmnidirectionalStereo(type="ods", width=64, convergence_distance=1.95, nadir_merge=(45, 90)),
 }
+ALL_AROUND = {"panorama", "cubemap", "strip", "stereo", "side by side", "convergent stereo"}
+
+
+def off_seams(x):
+    """Positions on the film moved off the edges of a cubemap's faces and of a stereo camera's views."""
+    return np.where(np.abs(x * 6 - np.round(x * 6)) < 0.02, x + 0.01, x)
 
 
 @pytest.mark.parametrize("name", CAMERAS)
@@ -144,20 +168,54 @@ def test_the_film_shows_a_point_where_its_ray_leaves(name):
     camera = CAMERAS[name]
     generator = np.random.default_rng(1)
     x, y, *lens = generator.uniform(0.02, 0.98, (4, 500)).astype(np.float32)
+    if "left" in camera.topology.views:  # The eye that shows the point is picked by the first number.
+        lens[0] = 0.5 * lens[0] + 0.5 * ((y if camera.layout == "top-bottom" else x) >= 0.5)
     origin, direction, inside = rays(camera, x, y, lens)
     target = origin + direction * generator.uniform(0.3, 9.0, (500, 1))
     target[::100, 1] = -np.abs(target[::100, 1]) - 5.0  # Behind the camera.
     target[::100, ::2] = 0.01
-    start_point, film, seen = camera.film_points(
+    shown = camera.film_point(
         mi.Point3f(*target.T.astype(np.float32)), mi.Point2f(*(np.float32(part) for part in lens))
     )
-    seen = seen.numpy() & np.ones(500, bool)
+    start_point, film = shown.origin, shown.film
+    seen = shown.inside.numpy() & np.ones(500, bool)
     behind = np.arange(500) % 100 == 0
     kept = inside & ~behind
     assert seen[kept].all()
-    assert seen[behind].all() == (name == "panorama")
+    assert seen[behind].all() == (name in ALL_AROUND)
     np.testing.assert_allclose((start_point.numpy().T + np.zeros((500, 3)))[kept], origin[kept], atol=1e-6)
     np.testing.assert_allclose(film.numpy().T[kept], np.stack([x, y], axis=1)[kept], atol=3e-5)
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_what_a_place_of_the_film_stands_for(name):
+    """The area across the ray that a unit of film covers at a distance, by differences; both eyes show a point."""
+    camera = CAMERAS[name]
+    places = 2.0 if "left" in camera.topology.views else 1.0
+    generator = np.random.default_rng(3)
+    x, y = generator.uniform(0.05, 0.95, (2, 300))
+    x, y = off_seams(x), off_seams(y)
+    second = np.zeros(300)
+    if places == 2.0:
+        second = ((y if camera.layout == "top-bottom" else x) >= 0.5) * 0.9
+    lens = second, np.full(300, 0.3)
+    distance, step = generator.uniform(0.3, 3.0, (300, 1)), 1e-3
+
+    def at(x, y):
+        origin, direction, _ = rays(camera, x, y, lens)
+        return origin.astype(np.float64) + direction * distance
+
+    _, direction, inside = rays(camera, x, y, lens)
+    across = (at(x + step, y) - at(x - step, y)) / (2 * step)
+    along = (at(x, y + step) - at(x, y - step)) / (2 * step)
+    covered = np.abs(np.sum(np.cross(across, along) * direction, axis=1))
+    target = mi.Point3f(*at(x, y).T.astype(np.float32))
+    shown = camera.film_point(target, mi.Point2f(*(part.astype(np.float32) for part in lens)))
+    angle = camera.solid_angle(mi.Vector3f(*direction.T.astype(np.float32))).numpy() * np.ones(300)
+    weight = shown.weight.numpy() * np.ones(300)
+    inside &= shown.inside.numpy() & np.ones(300, bool)
+    assert inside.mean() > 0.6
+    np.testing.assert_allclose(weight[inside], (places * angle * distance[:, 0] ** 2 / covered)[inside], rtol=5e-3)
 
 
 @pytest.mark.parametrize("name", CAMERAS)
@@ -165,6 +223,7 @@ def test_solid_angle_is_that_between_neighbouring_rays(name):
     camera = CAMERAS[name]
     generator = np.random.default_rng(2)
     x, y, *lens = generator.uniform(0.15, 0.85, (4, 200))
+    x, y = off_seams(x), off_seams(y)
     step = 1e-3
     _, direction, inside = rays(camera, x, y, lens)
     _, right, _ = rays(camera, x + step, y, lens)

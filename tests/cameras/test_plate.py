@@ -15,10 +15,10 @@ from lightdepth.directions import (  # noqa: E402
     pixel_directions,
 )
 from lightdepth.film.plate import render_plate  # noqa: E402
-from lightdepth.kernel.real_surfaces import merge_real_surfaces  # noqa: E402
-from lightdepth.kernel.tracing import TracedSurfaces  # noqa: E402
+from lightdepth.place.place import Place  # noqa: E402
+from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
+from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
 from lightdepth.scene.model import CameraView  # noqa: E402
-from lightdepth.transport.place import Place  # noqa: E402
 from tests.transport.places import CAPTURE, HIGH, room  # noqa: E402
 
 LEVEL = np.zeros(3)
@@ -131,3 +131,33 @@ def test_a_turned_panorama_is_seen_turned_and_exactly_by_its_own_camera():
         image, Equirectangular(type="equirectangular", width=128), rotation=turn, panorama_rotation=turn
     )
     np.testing.assert_array_equal(exact, image.astype(np.float32))
+
+
+@pytest.mark.parametrize(("aperture", "focus"), [(0.03, 1.0), (0.12, 1.2)])
+def test_a_lens_blurs_the_photograph_as_a_thin_lens_does(aperture, focus):
+    """A mark is spread evenly over a disk, whose mean squared radius is half that of its edge, and loses no light."""
+    target = np.array([0.1, HIGH[1], 1.5])
+    distance = target[1] - CAPTURE[1]
+    settings = {"type": "perspective", "width": 160, "height": 120, "fov": 60}
+    sharp, blurred = (
+        plate_of(marked(target), Perspective(**settings, **lens))[0]
+        for lens in ({}, {"aperture": aperture, "focus_distance": focus})
+    )
+    edge = aperture * abs(1.0 / distance - 1.0 / focus) * 80 / np.tan(np.radians(30))
+    assert edge > 2.0
+    assert (blurred - 0.1).sum() == pytest.approx((sharp - 0.1).sum(), rel=0.01)
+    spread = []
+    for plate in (sharp, blurred):
+        x, y = centroid(plate)
+        weight = plate.sum(axis=2) - np.median(plate.sum(axis=2))
+        rows, columns = np.mgrid[:120, :160] + 0.5
+        spread.append((weight * ((columns - x) ** 2 + (rows - y) ** 2)).sum() / weight.sum())
+    assert spread[1] - spread[0] == pytest.approx(0.5 * edge**2, rel=0.05)
+
+
+def test_what_a_lens_focuses_stays_sharp():
+    target = np.array([0.1, HIGH[1], 1.5])
+    settings = {"type": "perspective", "width": 160, "height": 120, "fov": 60}
+    focused = Perspective(**settings, aperture=0.1, focus_distance=HIGH[1] - CAPTURE[1])
+    sharp, seen = plate_of(marked(target), Perspective(**settings))[0], plate_of(marked(target), focused)[0]
+    np.testing.assert_allclose(seen[40:80, 60:110], sharp[40:80, 60:110], rtol=0.02, atol=0.02)

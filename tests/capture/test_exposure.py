@@ -1,11 +1,15 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from lightdepth.capture.brackets import brackets_in_folder, group_by_exposure
 from lightdepth.capture.exposure import Exposure, read_exif, read_exposures, shutter_time
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, InputWarning
+from tests.support.dng import write_dng
 from tests.support.photography import write_photograph
 
+FAULTS = Path(__file__).parents[1] / "faults"
 GREY = np.full((8, 8, 3), 128, np.uint8)
 
 
@@ -68,7 +72,7 @@ def test_photograph_without_exposure_names_the_way_out(tmp_path):
 
 
 def named(times):
-    return [(f"{index}", Exposure(time)) for index, time in enumerate(times)]
+    return [(Path(f"{index}"), Exposure(time)) for index, time in enumerate(times)]
 
 
 def test_brackets_begin_where_an_exposure_comes_again():
@@ -82,9 +86,80 @@ def test_brackets_begin_where_an_exposure_comes_again():
     ]
 
 
+@pytest.mark.parametrize(
+    ("times", "size"),
+    [
+        ([4, 1, 2, 4, 8, 16, 32] * 6, 7),  # The metered exposure comes first and again in its place.
+        ([1, 2, 4, 4, 8, 16] * 6, 6),
+        ([4, 1, 16] * 5, 3),
+        ([4, 4, 1, 16] * 3 + [4, 4], 4),  # The last one was not finished.
+    ],
+)
+def test_exposures_may_repeat_within_a_bracket(times, size):
+    sizes = [len(group) for group in group_by_exposure(named(times))]
+    assert sizes == [size] * (len(times) // size) + ([len(times) % size] if len(times) % size else [])
+
+
+def test_brackets_that_repeat_are_found_in_a_folder(tmp_path):
+    """The aperture is what changes, and f/8 comes twice."""
+    for index in range(18):
+        aperture = (16, 11.3, 8, 8, 5.7, 4)[index % 6]
+        write_photograph(tmp_path / f"IMG_{index:04d}.jpg", GREY, 1 / 60, index, aperture=aperture)
+    assert [len(group) for group in brackets_in_folder(tmp_path)] == [6, 6, 6]
+
+
+def test_equal_exposures_are_no_bracket():
+    assert [len(group) for group in group_by_exposure(named([4] * 6))] == [1] * 6
+
+
+@pytest.mark.parametrize("name", ["iso65535_0", "iso65535_2"])
+def test_an_impossible_sensitivity_is_refused(name):
+    with pytest.raises(
+        InputError, match=rf"{name}.jpg: .* ISO 65535, .*recommended exposure index is \d+.*--exposures"
+    ):
+        read_exif(FAULTS / f"24-exif/{name}.jpg")
+
+
+def test_what_some_photographs_state_all_must(tmp_path):
+    write_photograph(tmp_path / "a.jpg", GREY, 1, 0, aperture=8)
+    write_photograph(tmp_path / "b.jpg", GREY, 1, 0, aperture=0)
+    assert read_exposures([tmp_path / "b.jpg"])[0].aperture == 1.0
+    with pytest.raises(InputError, match=r"b.jpg: the EXIF data hold no f-number, though those of a.jpg do"):
+        read_exposures([tmp_path / "a.jpg", tmp_path / "b.jpg"])
+
+
+def test_powers_of_two_stand_for_times_and_f_numbers(tmp_path):
+    from PIL import Image
+    from PIL.TiffImagePlugin import IFDRational
+
+    exif = Image.Exif()
+    tags = exif.get_ifd(0x8769)
+    tags[0x9201], tags[0x9202], tags[0x8827] = IFDRational(-3, 1), IFDRational(5, 1), 200
+    Image.fromarray(GREY).save(tmp_path / "x.jpg", exif=exif)
+    exposure = read_exif(tmp_path / "x.jpg")
+    assert (exposure.time, exposure.iso) == (8.0, 200.0)
+    assert exposure.aperture == pytest.approx(5.657, abs=1e-3)
+
+
+def test_tables_of_other_makes(tmp_path):
+    table = tmp_path / "t.csv"
+    table.write_bytes("File;Time;ISO\r\na.png;1/60;200\r\n\r\n;\r\n"[:-5].encode("utf-8-sig"))
+    assert read_exposures([tmp_path / "a.png"], table) == [Exposure(1 / 60, 1.0, 200.0)]
+    table.write_bytes("file,time\nä.png,1\n".encode("utf-16"))
+    with pytest.raises(InputError, match="not a text file in UTF-8"):
+        read_exposures([tmp_path / "a.png"], table)
+
+
+def test_what_only_libraw_knows_is_asked_of_it(tmp_path):
+    """A file with its exposure where makers put it and EXIF data do not."""
+    write_dng(tmp_path / "x.dng", np.full((48, 64), 900), [0], 16383, time=(1, 64))
+    assert read_exif(tmp_path / "x.dng").time == pytest.approx(1 / 64)
+
+
 def test_photographs_with_automatic_exposure_are_no_brackets():
     times = [1 / 250, 1 / 160, 1 / 200, 1 / 250, 1 / 800, 1 / 160, 1 / 1000, 1 / 640, 1 / 80, 1 / 100, 1 / 80]
-    assert [len(group) for group in group_by_exposure(named(times))] == [1] * len(times)
+    with pytest.warns(InputWarning, match="the exposures of the 11 photographs follow no pattern.* --bracket"):
+        assert [len(group) for group in group_by_exposure(named(times))] == [1] * len(times)
 
 
 def test_folder_is_sorted_by_time_of_taking_not_by_name(tmp_path):

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lightdepth.capture.lens import PROJECTIONS, horizontal_fov
+from lightdepth.capture.lens import PROJECTIONS, Lens, horizontal_fov
 from lightdepth.capture.project import read_project
 from lightdepth.capture.rig import parse_rig
 from lightdepth.directions import direction_to_latlong
@@ -47,6 +47,16 @@ def test_rigs():
         (0, 0), (72, 0), (144, 0), (216, 0), (288, 0), (0, 90), (0, -90),
     ]  # fmt: skip
     assert parse_rig("0,0 120,10,5", 2) == [(0, 0, 0), (120, 10, 5)]
+    assert len(parse_rig(" ".join(["123.456,-12.345"] * 40), 40)) == 40  # Longer than a file's name may be.
     for text, count in (("paper", 6), ("0,0 x", 2), ("0 1", 2)):
         with pytest.raises(InputError, match="--rig"):
             parse_rig(text, count)
+
+
+@pytest.mark.parametrize("pose", [(20, 30, 40), (-170, -60, 175), (100, 90, 0), (100, -90, 0), (0, 0, 0)])
+def test_poses_come_back_from_their_rotations(pose):
+    lens = Lens(100, 80, "fisheye", 180.0, yaw=pose[0], pitch=pose[1], roll=pose[2])
+    back = Lens(100, 80, "fisheye", 180.0).with_rotation(lens.rotation)
+    assert (back.yaw, back.pitch, back.roll) == pytest.approx(pose, abs=1e-6)
+    tilted = Lens(100, 80, "fisheye", 180.0, yaw=10, pitch=90, roll=25)
+    np.testing.assert_allclose(lens.with_rotation(tilted.rotation).rotation, tilted.rotation, atol=1e-9)

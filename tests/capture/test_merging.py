@@ -1,7 +1,6 @@
 import cv2
 import numpy as np
 import pytest
-from PIL import Image
 
 from lightdepth.capture.exposure import read_exposures
 from lightdepth.capture.fisheye import Circle, find_circle, parse_circle
@@ -9,6 +8,7 @@ from lightdepth.capture.merging import merge, shared_response
 from lightdepth.capture.photograph import read_photograph
 from lightdepth.capture.response import linear_response, normalised, srgb_response
 from lightdepth.errors import InputError
+from tests.support.dng import write_dng
 from tests.support.photography import TestCamera, film_curve, photograph, sensor_radiance, write_photograph
 
 
@@ -186,31 +186,10 @@ def test_raw_file_is_linear(tmp_path):
     mosaic = np.zeros((64, 64), np.uint16)
     mosaic[:, :32], mosaic[:, 32:] = 2000, 8000
     path = tmp_path / "photo.dng"
-    write_dng(path, mosaic)
+    write_dng(path, mosaic, [0], 16000)
     pixels = read_photograph(path).astype(float)
     assert pixels.shape == (64, 64, 3)
     assert pixels[20:40, 40:60].mean() / pixels[20:40, 4:24].mean() == pytest.approx(4, rel=0.02)
-
-
-def write_dng(path, mosaic):
-    """The smallest DNG that LibRaw reads: 16 bits, uncompressed, RGGB."""
-    from PIL import TiffImagePlugin
-
-    info = TiffImagePlugin.ImageFileDirectory_v2()
-    info[50706] = bytes([1, 4, 0, 0])
-    info.tagtype[50706] = 1
-    info[50708] = "Test camera"
-    info[33421], info[33422] = (2, 2), bytes([0, 1, 1, 2])
-    info.tagtype[33421], info.tagtype[33422] = 3, 1
-    info[50717], info.tagtype[50717] = 16000, 4
-    info[50721] = tuple(TiffImagePlugin.IFDRational(value, 1) for value in (1, 0, 0, 0, 1, 0, 0, 0, 1))
-    info.tagtype[50721] = 10
-    info[50728] = tuple(TiffImagePlugin.IFDRational(1, 1) for _ in range(3))
-    info.tagtype[50728] = 5
-    info[50778], info.tagtype[50778] = 21, 3
-    info[271], info[272] = "Test", "Test camera"
-    info[262], info.tagtype[262] = 32803, 3
-    Image.fromarray(mosaic).save(path, format="TIFF", tiffinfo=info)
 
 
 @pytest.mark.parametrize("name", ["missing.jpg", "notes.txt", "broken.jpg"])

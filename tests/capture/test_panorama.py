@@ -1,11 +1,11 @@
 import numpy as np
 
-from lightdepth.capture.filling import fill, mark
 from lightdepth.capture.lens import Lens
 from lightdepth.capture.panorama import blend, natural_width
 from lightdepth.capture.photometry import Photograph, estimate_photometry
 from lightdepth.capture.rig import PRESETS
 from lightdepth.directions import pixel_directions
+from lightdepth.images.filling import fill, mark
 from tests.support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, sensor_radiance
 
 

@@ -3,6 +3,7 @@
 import json
 import shutil
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +11,20 @@ import pytest
 from typer.testing import CliRunner
 
 from lightdepth.capture import hugin
+from lightdepth.capture.lens import Lens
+from lightdepth.capture.panorama import Panorama
+from lightdepth.capture.photometry import Photometry
+from lightdepth.capture.project import ControlPoint
+from lightdepth.capture.report import warnings_of
+from lightdepth.capture.rig import PRESETS
+from lightdepth.capture.shoot import Shoot
+from lightdepth.capture.stitching import Orientation, Stitched, groups_of, turned_to_the_rig
 from lightdepth.cli.app import app
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, SetupError
+from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import read_exr
-from lightdepth.images.radiance import read_radiance
+from lightdepth.images.radiance import read_radiance, write_radiance
 from tests.support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, room_panorama, shoot
 
 needs_hugin = pytest.mark.skipif(
@@ -161,6 +171,83 @@ def test_real_hand_held_photographs(shared_data, tmp_path):
     assert (read_radiance(tmp_path / "square.exr") > 0).all()
 
 
+def blank_views(folder, level=0.9):
+    for index in range(8):
+        write_radiance(folder / f"v{index}.exr", np.full((96, 96, 3), level, np.float32))
+    return sorted(folder.glob("v*.exr"))
+
+
+@needs_hugin
+def test_blank_views_are_placed_by_the_rig(tmp_path):
+    views = blank_views(tmp_path)
+    write_radiance(views[3], np.zeros((96, 96, 3), np.float32))  # One is black all over.
+    result = run(
+        "capture", "stitch", *views, "-o", tmp_path / "x.exr", "--rig", "six+zenith+nadir", "--fov", 91,
+        "--report", tmp_path / "x.json", "--no-gains",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    report = json.loads((tmp_path / "x.json").read_text())
+    assert [(image["yaw"], image["pitch"]) for image in report["images"][:6]] == [(60.0 * i, 0.0) for i in range(6)]
+    assert [image["pitch"] for image in report["images"][6:]] == [90.0, -90.0]
+    assert report["warnings"] == [
+        "no control points were found: every image keeps the rig's pose, and the lens is as stated"
+    ]
+    panorama = read_radiance(tmp_path / "x.exr")
+    np.testing.assert_allclose(panorama[:20], 0.9, rtol=1e-3)
+    np.testing.assert_allclose(panorama[70:90, 150:170], 0.9, rtol=1e-3)  # Ahead.
+    assert panorama[80, :2].max() < 0.01  # Behind, at 180 degrees.
+    # Without a terminal, progress is written as lines.
+    lines = result.stderr.splitlines()
+    assert "control points: 36 of 36" in lines or any(line.startswith("control points: 8 of 36") for line in lines)
+    assert len(lines) < 60
+
+
+def test_images_that_nothing_connects_with_the_first_are_turned_to_the_rig():
+    """The first image is blank, so that the optimiser may turn the others together as it likes."""
+    rig = PRESETS["paper"]
+    stated = [Lens(100, 100, "fisheye", 180.0, yaw=yaw, pitch=pitch, roll=roll) for yaw, pitch, roll in rig]
+    off = rig_rotation(-106.0, 12.0, 30.0)
+    found = [stated[0], *(lens.with_rotation(off @ lens.rotation) for lens in stated[1:])]
+    found[3] = replace(found[3], yaw=found[3].yaw + 1.0)  # One was not set exactly.
+    points = [ControlPoint((first, first + 1), (50.0, 50.0), (50.0, 50.0)) for first in range(1, 6)]
+    turned = turned_to_the_rig(found, groups_of(7, points), rig)
+    assert turned[0] is found[0]
+    for lens, own, expected in zip(turned[1:], found[1:], stated[1:], strict=True):
+        angle = np.arccos(np.clip((np.trace(lens.rotation.T @ expected.rotation) - 1) / 2, -1, 1))
+        assert np.degrees(angle) < 1.0
+        between = turned[1].rotation.T @ lens.rotation  # Among each other they stay as they are.
+        np.testing.assert_allclose(between, found[1].rotation.T @ own.rotation, atol=1e-9)
+
+
+@needs_hugin
+def test_views_that_nothing_connects_are_refused_without_a_rig(tmp_path):
+    with pytest.raises(InputError, match=r"no control points were found between any two .* --rig"):
+        run("capture", "stitch", *blank_views(tmp_path), "-o", tmp_path / "x.exr", "--fov", 91)
+    assert not (tmp_path / "x.exr").exists()
+
+
+@pytest.mark.parametrize(("off", "told"), [(0.5, False), (7.0, True)])
+def test_a_wrong_control_point_is_warned_of(off, told):
+    lenses = [Lens(100, 100, "rectilinear", 90.0, yaw=yaw) for yaw in (0.0, 40.0)]
+    points = []
+    for pitch, error in ((0.0, 0.0), (5.0, off)):
+        pixels = []
+        for lens, pitched in zip(lenses, (pitch, pitch + error), strict=True):
+            yaw, up = np.radians(20.0), np.radians(pitched)
+            direction = [np.sin(yaw) * np.cos(up), np.cos(yaw) * np.cos(up), np.sin(up)]
+            pixels.append(tuple(float(axis) for axis in lens.project(direction)))
+        points.append(ControlPoint((0, 1), *pixels))
+    image = np.ones((100, 100, 3), np.float32)
+    seen = np.ones((100, 100), bool)
+    shot = Shoot([Orientation(name, image, seen, seen) for name in ("a.exr", "b.exr")], None, "", [["a"], ["b"]])
+    photometry = Photometry((0.0, 0.0, 0.0), np.ones((2, 3)), 0.0, 0.0)
+    stitched = Stitched(Panorama(image, seen), lenses, points, 2, photometry, [])
+    warnings = warnings_of(shot, stitched)
+    assert len(warnings) == told
+    if told:
+        assert warnings[0].startswith("a.exr, b.exr: a control point is off by 7.0 degrees (1 of 2 by more than 2)")
+
+
 def test_missing_tool_is_named_with_how_to_install_it(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(SetupError, match=r"cpfind.*apt-get install hugin-tools"):
@@ -204,14 +291,14 @@ def test_merge_writes_linear_radiance_picture_response_and_report(bracket, tmp_p
     report = json.loads((tmp_path / "view.json").read_text())
     assert report["exposure_range_stops"] == pytest.approx(16)
     assert report["orders_of_magnitude"] > 4
-    radiance = read_radiance(tmp_path / "view.exr")
+    radiance = read_beauty(tmp_path / "view.exr").radiance
     assert (tmp_path / "view.png").is_file()
     # The response of one orientation serves for another.
     run(
         "capture", "merge", *[path for path, _ in bracket.pairs], "-o", tmp_path / "again.exr", "--circle", "auto",
         "--response", tmp_path / "camera.json",
     )  # fmt: skip
-    np.testing.assert_allclose(read_radiance(tmp_path / "again.exr"), radiance, rtol=1e-4)
+    np.testing.assert_allclose(read_beauty(tmp_path / "again.exr").radiance, radiance, rtol=1e-4)
 
 
 @pytest.mark.parametrize("command", ["merge", "stitch"])

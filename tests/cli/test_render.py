@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 import threading
+from importlib.metadata import version
 
 import numpy as np
 import pytest
 
 from lightdepth.film.layers import read_frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
+from lightdepth.images.tonemapping import AVERAGE_LUMINANCE
 
 from .room_folder import edit, make_room
 from .test_bad_input import MEANINGLESS
@@ -64,10 +66,16 @@ def test_a_program_is_told_how_it_goes(first):
     target, status, events, _ = first
     assert status == 0
     kinds = [event["event"] for event in events]
-    assert kinds[0] == "preparing"
+    assert events[0] == {"event": "hello", "version": version("lightdepth"), "schema": 1}
+    assert [event["stage"] for event in events if event["event"] == "stage"] == ["preparing", "rendering", "writing"]
+    assert events[1] == {"event": "stage", "stage": "preparing"}
     assert kinds[-1] == "done"
-    assert set(kinds) <= {"preparing", "progress", "preview", "done"}
-    assert "preview" in kinds
+    assert set(kinds) <= {"hello", "stage", "warning", "progress", "picture", "done"}
+    pictures = [event for event in events if event["event"] == "picture"]
+    assert len(pictures) > 1
+    assert [event["finished"] for event in pictures] == [False] * (len(pictures) - 1) + [True]
+    assert {event["file"] for event in pictures} == {str(target)}
+    assert events[-1]["exposure"] == pytest.approx(np.log2(AVERAGE_LUMINANCE / 0.5), abs=0.01)
     progress = [event for event in events if event["event"] == "progress"]
     assert [event["fraction"] for event in progress] == sorted(event["fraction"] for event in progress)
     assert progress[-1]["fraction"] == 1.0
@@ -97,6 +105,8 @@ def test_the_file_has_all_layers_and_says_how_it_was_made(first):
     assert float(frame.metadata["samples"]) == pytest.approx(100, rel=0.05)
     assert float(frame.metadata["clamp_indirect"]) == 5.0
     assert float(frame.metadata["error"]) > 0.0
+    # But for few clipped pixels, the panorama's radiance is 0.5.
+    assert float(frame.metadata["exposure"]) == pytest.approx(np.log2(AVERAGE_LUMINANCE / 0.5), abs=0.01)
     assert float(frame.metadata["irradiance_error"]) >= 0.0
     assert sorted(path.name for path in target.parent.iterdir()) == ["picture.exr", "picture.png"]
 
@@ -137,7 +147,7 @@ def test_ctrl_c_writes_what_there_is(scene, tmp_path):
             break
     output, errors = process.communicate(timeout=300)
     assert process.returncode == 130
-    assert json.loads(output.splitlines()[-1]) == {"event": "interrupted", "file": str(target)}
+    assert json.loads(output.splitlines()[-1]) == {"event": "done", "file": str(target), "interrupted": True}
     assert "Traceback" not in errors
     frame = read_frame(target)
     assert 0 < float(frame.metadata["samples"]) < 10_000_000
@@ -149,7 +159,9 @@ def test_ctrl_c_while_preparing_writes_nothing(scene, tmp_path):
     process = start_render(scene, "-o", target, "--repair", "--progress", "json")
     killer = threading.Timer(300, process.kill)
     killer.start()
-    assert json.loads(process.stdout.readline())["event"] == "preparing"
+    for line in process.stdout:
+        if json.loads(line) == {"event": "stage", "stage": "preparing"}:
+            break
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate()
     killer.cancel()
@@ -167,7 +179,8 @@ def test_a_disk_that_fills_up_leaves_nothing_half_written(first, scene, tmp_path
     assert status == 2
     assert f"{target}: cannot be written" in errors
     assert "Traceback" not in errors
-    assert events[-1]["event"] == "progress"
+    assert events[-1]["event"] == "failure"
+    assert f"{target}: cannot be written" in events[-1]["message"]
     assert list(tmp_path.iterdir()) == []
 
 

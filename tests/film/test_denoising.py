@@ -5,12 +5,14 @@ import sys
 import numpy as np
 import pytest
 
+from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import SetupError
-from lightdepth.film.denoising import denoise
+from lightdepth.film.denoising import _windows, denoise
 from lightdepth.film.frame import Frame
 
 HEIGHT, WIDTH = 128, 256
+PANORAMA = Spherical((Rectangle(0, HEIGHT, 0, WIDTH),))
 
 
 def panorama_frame(noise=True, seed=11):
@@ -39,12 +41,17 @@ def panorama_frame(noise=True, seed=11):
         np.ones(covered.shape, np.float32),
         normal=normal.astype(np.float32),
         albedo=np.where(covered[..., None], [0.9, 0.3, 0.2], plate).astype(np.float32),
+        topology=PANORAMA,
     )
 
 
 def rolled(frame, by):
     layers = {name: getattr(frame, name) for name in ("plate", "change", "synthetic", "coverage", "alpha", "normal")}
-    return Frame(**{k: np.roll(v, by, axis=1) for k, v in layers.items()}, albedo=np.roll(frame.albedo, by, axis=1))
+    return Frame(
+        **{k: np.roll(v, by, axis=1) for k, v in layers.items()},
+        albedo=np.roll(frame.albedo, by, axis=1),
+        topology=PANORAMA,
+    )
 
 
 def rms(values):
@@ -54,7 +61,7 @@ def rms(values):
 @pytest.fixture(scope="module")
 def denoised():
     pytest.importorskip("mitsuba_oidn", reason="Open Image Denoise is not installed")
-    return denoise(panorama_frame(), panoramic=True)
+    return denoise(panorama_frame())
 
 
 @pytest.mark.parametrize("layer", ["change", "synthetic"])
@@ -79,7 +86,7 @@ def test_nothing_else_is_touched(denoised):
 
 def test_there_is_no_seam(denoised):
     """The panorama turned by half, whose seam lies elsewhere, is denoised to the same."""
-    turned = denoise(rolled(panorama_frame(), WIDTH // 2), panoramic=True)
+    turned = denoise(rolled(panorama_frame(), WIDTH // 2))
     for layer in ("change", "synthetic"):
         expected = getattr(denoised, layer)
         difference = np.roll(getattr(turned, layer), -WIDTH // 2, axis=1) - expected
@@ -89,21 +96,40 @@ def test_there_is_no_seam(denoised):
 def test_bands_meet_without_a_seam(denoised, monkeypatch):
     monkeypatch.setattr("lightdepth.film.denoising.PIXELS_AT_ONCE", 1)
     monkeypatch.setattr("lightdepth.film.denoising.MARGIN", 32)
-    banded = denoise(panorama_frame(), panoramic=True)
+    banded = denoise(panorama_frame())
     assert rms(banded.change - denoised.change) < 0.1 * rms(denoised.change - panorama_frame().change)
+
+
+def test_only_what_is_new_is_filtered(denoised, monkeypatch):
+    """Boxes around the layers' pixels, with their margins, and together all of these pixels."""
+    frame = panorama_frame()
+    frame.topology = Flat(WIDTH, HEIGHT)
+    frame.change[:], frame.synthetic[:, 40:] = 0, 0
+    frame.change[90:100, 200:204], frame.change[5, 7] = -0.1, 0.2
+    (chart,) = frame.topology.charts
+    monkeypatch.setattr("lightdepth.film.denoising.MARGIN", 16)
+    rectangles = [window.rectangle for window in _windows(frame.topology, chart, frame.change)]
+    assert sorted((each.top, each.bottom, each.left, each.right) for each in rectangles) == [
+        (0, 16, 0, 16),
+        (80, 112, 192, 208),
+    ]
+    result = denoise(frame)
+    assert (result.change[90:100, 200:204] < 0).all()
+    assert not np.delete(result.change[90:100], range(200, 204), axis=1).any()
 
 
 def test_an_ordinary_image_without_guides_is_denoised_as_well(denoised):
     frame, truth = panorama_frame(), panorama_frame(noise=False)
     frame.albedo = frame.normal = None
-    plain = denoise(frame, panoramic=False)
+    frame.topology = Flat(WIDTH, HEIGHT)
+    plain = denoise(frame)
     assert rms(plain.change - truth.change) < rms(frame.change - truth.change) / 2
 
 
 def test_an_empty_frame_stays_empty(denoised):
     frame = panorama_frame()
     frame.change[:], frame.synthetic[:] = 0, 0
-    result = denoise(frame, panoramic=True)
+    result = denoise(frame)
     assert not result.change.any()
     assert not result.synthetic.any()
 
@@ -111,4 +137,4 @@ def test_an_empty_frame_stays_empty(denoised):
 def test_a_missing_denoiser_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "mitsuba_oidn", None)
     with pytest.raises(SetupError, match=r"pip install 'lightdepth\[denoise\]'"):
-        denoise(panorama_frame(), panoramic=True)
+        denoise(panorama_frame())

@@ -5,9 +5,11 @@ import OpenEXR
 import pytest
 from PIL import Image
 
+from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.errors import InputError
 from lightdepth.film.frame import Frame
 from lightdepth.film.layers import read_frame, write_frame, write_picture
+from lightdepth.images.tonemapping import tone_map
 
 
 def small_frame(height=24, width=48, seed=1, **optional):
@@ -40,6 +42,8 @@ def full_frame():
     frame.samples = random.integers(1, 2**32, shape, dtype=np.uint32)
     frame.metadata = {"method": "difference", "seed": "7"}
     frame.object_names = ("Flasche", "küche", "ball")
+    height, width = shape
+    frame.topology = Spherical((Rectangle(0, height, 0, width),))
     return frame
 
 
@@ -68,7 +72,7 @@ def test_full_coverage_leaves_nothing_of_a_bright_lamp():
 
 def test_a_frame_comes_back_from_its_file(tmp_path):
     frame = full_frame()
-    write_frame(tmp_path / "f.exr", frame, latlong=True)
+    write_frame(tmp_path / "f.exr", frame)
     back = read_frame(tmp_path / "f.exr")
     for name in ("plate", "change", "synthetic", "coverage", "alpha", "object_id", "depth", "variance", "samples"):
         np.testing.assert_array_equal(getattr(back, name), getattr(frame, name), strict=True)
@@ -76,11 +80,12 @@ def test_a_frame_comes_back_from_its_file(tmp_path):
     np.testing.assert_allclose(back.albedo, frame.albedo, atol=5e-4)
     assert back.metadata == frame.metadata
     assert back.object_names == frame.object_names
+    assert back.topology.environment_map == "latlong"
     np.testing.assert_array_equal(back.beauty, frame.beauty, strict=True)
 
 
 def test_the_file_says_what_other_programs_look_for(tmp_path):
-    write_frame(tmp_path / "f.exr", full_frame(), latlong=True)
+    write_frame(tmp_path / "f.exr", full_frame())
     with OpenEXR.File(str(tmp_path / "f.exr"), separate_channels=True) as file:
         parts = {part.name(): sorted(part.channels) for part in file.parts}
         assert file.parts[0].name() == "beauty"
@@ -102,7 +107,9 @@ def test_the_file_says_what_other_programs_look_for(tmp_path):
 
 
 def test_some_layers_only(tmp_path):
-    write_frame(tmp_path / "f.exr", full_frame(), layers=("depth",))
+    frame = full_frame()
+    frame.topology = Flat(48, 24)
+    write_frame(tmp_path / "f.exr", frame, layers=("depth",))
     with OpenEXR.File(str(tmp_path / "f.exr"), header_only=True) as file:
         assert [part.name() for part in file.parts] == ["beauty", "depth"]
         assert "envmap" not in file.parts[0].header
@@ -127,3 +134,20 @@ def test_the_picture_is_transparent_outside_the_image_circle(tmp_path):
     assert pixels.shape == (24, 48, 4)
     assert (pixels[:3] == 0).all()
     assert (pixels[3:, :, 3] == 255).all()
+
+
+def test_all_cameras_of_a_scene_are_shown_at_the_panoramas_exposure(tmp_path):
+    """What one camera sees of a place has the same brightness in its picture as in that of another."""
+    bright, dark = small_frame(), small_frame()
+    bright.plate[:, :24] = dark.plate[:, :24] = 0.25
+    bright.plate[:, 24:], dark.plate[:, 24:] = 2.0, 0.01
+    pictures = []
+    for name, frame in (("bright", bright), ("dark", dark)):
+        frame.change[:], frame.synthetic[:], frame.coverage[:] = 0.0, 0.0, 0.0
+        frame.metadata["exposure"] = "0.500"
+        write_picture(tmp_path / f"{name}.png", frame)
+        with Image.open(tmp_path / f"{name}.png") as picture:
+            pictures.append(np.asarray(picture))
+    np.testing.assert_array_equal(pictures[0][:, :24], pictures[1][:, :24])
+    expected = tone_map(np.full((1, 1, 3), 0.25, np.float32), 0.5)
+    np.testing.assert_array_equal(pictures[0][0, 0], expected[0, 0])

@@ -21,7 +21,7 @@ PYTHON = """
 import lightdepth
 from lightdepth.film.layers import write_frame, write_picture
 frame = lightdepth.render(lightdepth.load_scene(scene), samples=int(samples))
-write_frame(target, frame, latlong=True)
+write_frame(target, frame)
 write_picture(target.with_suffix(".png"), frame)
 """
 RUN = """

@@ -109,3 +109,15 @@ def test_the_panoramas_seam_is_nowhere():
     # more than the half percent that is allowed against path tracing.
     assert np.abs((one - other)[differs].mean()) < 0.005 * one[differs].mean()
     assert one.mean() == pytest.approx(other.mean(), rel=0.005)
+
+
+def test_what_lies_at_one_edge_of_a_view_does_not_sample_the_other():
+    scene = room(lamp_image(64), [], role=Role.ENVIRONMENT)
+    view = scene.cameras["view"]
+    center = view.position + view.rotation @ (
+        np.array([-np.tan(np.radians(view.camera.fov / 2)) * 0.97, 1.0, 0.0]) * 1.2
+    )
+    scene = replace(scene, synthetic=(ball(GREY, center, 0.04),))
+    pixels = begin_rendering(scene, "view").pixels
+    assert (pixels % 48).min() == 0
+    assert (pixels % 48).max() < 24

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.tonemapping import AVERAGE_LUMINANCE, CURVES, auto_exposure, tone_map
 
 
@@ -32,13 +32,13 @@ def test_linear_is_the_srgb_encoding():
     assert tone_map(grey([0.25]), 1, "linear")[0, 0, 0] == 188
 
 
-def test_agx_keeps_middle_grey_and_reaches_white_after_its_stops():
+def test_agx_like_keeps_middle_grey_and_reaches_white_after_its_stops():
     assert tone_map(grey([0.18]))[0, 0, 0] == pytest.approx(118, abs=1)
     assert tone_map(grey([0.18 * 2**6.5]))[0, 0, 0] == 255
     assert tone_map(grey([0.18 * 2**6]))[0, 0, 0] < 255
 
 
-def test_agx_fades_bright_colours_to_white_and_keeps_their_hue_below():
+def test_agx_like_fades_bright_colours_to_white_and_keeps_their_hue_below():
     blue = np.float32([[[0.02, 0.02, 0.4], [2.0, 2.0, 400.0]]])
     normal, bright = tone_map(blue)[0].astype(int)
     assert normal[2] > 2 * normal[0]
@@ -64,5 +64,11 @@ def test_automatic_exposure_aims_at_the_average_and_ignores_lamps_and_corners():
 
 
 def test_an_unknown_curve_is_refused():
-    with pytest.raises(InputError, match="'aces': allowed are agx, filmic, linear"):
+    with pytest.raises(InputError, match="'aces': allowed are agx-like, filmic, linear"):
         tone_map(grey([1.0]), 0.0, "aces")
+
+
+def test_the_former_name_of_a_curve_is_understood():
+    with pytest.warns(InputWarning, match="'agx' is now called 'agx-like'"):
+        former = tone_map(grey([0.1, 1.0, 10.0]), 0.0, "agx")
+    np.testing.assert_array_equal(former, tone_map(grey([0.1, 1.0, 10.0]), 0.0, "agx-like"))

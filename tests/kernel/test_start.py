@@ -81,3 +81,37 @@ def test_an_old_library_that_is_loaded_already_is_refused():
     else:
         assert ended.returncode == 0
         assert "2" in ended.stdout
+
+
+START = "from lightdepth.kernel.start import start; "
+
+
+HAS_CUDA = f"{START}start(); import drjit as dr; print(dr.has_backend(dr.JitBackend.CUDA))"
+
+
+def test_the_device_is_the_cpu_unless_another_one_is_asked_for():
+    assert run(f"{START}print(start(), start('cpu'), start('auto'))").stdout.split() == ["llvm_ad_rgb"] * 3
+
+
+def test_a_process_that_computes_on_the_cpu_refuses_cuda():
+    result = run(f"{START}start('auto'); start('cuda')")
+    assert result.returncode == 1
+    assert "device 'cuda': this process already computes on 'cpu'" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_cuda_where_there_is_none_is_refused_in_words_and_the_cpu_still_works():
+    if int(run(HAS_CUDA).stdout):
+        pytest.skip("there is a CUDA device")
+    refused = run(f"{START}start('cuda')")
+    assert refused.returncode == 1
+    assert "there is no usable CUDA device here" in refused.stderr
+    assert "jit_" not in refused.stderr
+    code = f"{START}\n try: start('cuda')\n except SetupError: print(start('cpu'))"
+    assert run(code).stdout.strip() == "llvm_ad_rgb"
+
+
+def test_a_process_that_runs_another_variant_is_refused():
+    result = run(f"import mitsuba; mitsuba.set_variant('scalar_rgb'); {START}start('cpu')")
+    assert result.returncode == 1
+    assert "has started Mitsuba with the variant 'scalar_rgb'" in result.stderr

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from lightdepth.directions import pixel_directions
 from tests.reconstruction.virtual_room import CAPTURE, LAMPS, ROOM, distance_to_surface, scanned
 
 SOURCE = Path(__file__).parents[2] / "src"
@@ -59,6 +60,20 @@ def test_from_depth(command, tmp_path, panorama, depth):
     assert sorted(path.name for path in (tmp_path / "meshes").iterdir()) == [
         "behind.ply", "floor.ply", "place.ply", "shell.ply"
     ]  # fmt: skip
+    assert "still open: 0 %" in printed
+
+
+@pytest.mark.filterwarnings("always")
+def test_doubts_about_a_file_are_told(command, tmp_path, depth):
+    """The same room as distances along the viewing axis, from a renderer that writes them without a sign."""
+    forward = np.abs(pixel_directions(*depth.shape)[..., 1])
+    np.save(tmp_path / "z.npy", depth * forward)
+    options = ["--position", "0.1,-0.2,1.5", "--rotation", "2,-3,25", "--no-floor", "-o", tmp_path / "meshes"]
+    status, _, errors = command("reconstruct", "from-depth", tmp_path / "z.npy", *options)
+    assert status == 0
+    assert f"warning: {tmp_path}/z.npy: vanishes beside the viewing axis" in errors
+    status, printed, errors = command("reconstruct", "from-depth", tmp_path / "z.npy", "--kind", "z", *options)
+    assert (status, errors.strip()) == (0, "")
     assert "still open: 0 %" in printed
 
 

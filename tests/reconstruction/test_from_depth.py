@@ -1,5 +1,7 @@
 """Surfaces from depth images of a room that is known exactly."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -14,6 +16,8 @@ from lightdepth.reconstruction.depth_image import DepthImage, denoised, fill_mis
 from lightdepth.reconstruction.from_depth import surfaces_from_depth
 from lightdepth.scene.model import Role
 from tests.reconstruction.virtual_room import CAPTURE, FURNITURE, distance_to_surface, trace
+
+FAULTS = Path(__file__).parents[1] / "faults"
 
 
 def errors(surface):
@@ -119,10 +123,29 @@ def test_every_format_is_read(tmp_path, depth):
     assert np.isinf(read_depth_image(tmp_path / "depth.png", scale=0.001, sky=True).depth[:3]).all()
 
 
+def test_distances_along_the_viewing_axis_give_those_along_the_rays():
+    """Both files show one room."""
+    truth = read_depth_image(FAULTS / "07-depth/layer_z.exr").depth
+    depth = read_depth_image(FAULTS / "28-depth/zdepth.npy", kind="z").depth
+    known = ~np.isnan(depth)
+    assert known.mean() > 0.9
+    np.testing.assert_allclose(depth[known], truth[known], rtol=1e-4)
+
+
+def test_what_is_far_may_be_sky(tmp_path):
+    depth = np.full((16, 32), 3.0)
+    depth[:4] = 200.0
+    np.save(tmp_path / "x.npy", depth)
+    read = read_depth_image(tmp_path / "x.npy", scale=2.0, sky_beyond=400.0).depth
+    assert np.isinf(read[:4]).all()
+    assert (read[4:] == 6.0).all()
+
+
 def test_wrong_files_are_explained(tmp_path):
     cv2.imwrite(str(tmp_path / "eight.png"), np.full((16, 32), 9, np.uint8))
     cv2.imwrite(str(tmp_path / "sixteen.png"), np.full((16, 32), 9, np.uint16))
     np.save(tmp_path / "square.npy", np.ones((16, 16)))
+    np.save(tmp_path / "whole.npy", np.full((16, 32), 900, np.int32))
     np.save(tmp_path / "empty.npy", np.zeros((16, 32)))
     (tmp_path / "broken.npy").write_bytes(b"\x93NUMPY")
     (tmp_path / "depth.jpg").touch()
@@ -131,6 +154,7 @@ def test_wrong_files_are_explained(tmp_path):
         ("eight.png", 0.001, "one channel of 16 bit"),
         ("sixteen.png", None, "give --scale"),
         ("square.npy", None, "twice as many columns"),
+        ("whole.npy", None, "holds whole numbers; give --scale"),
         ("empty.npy", None, "no pixel holds a positive"),
         ("broken.npy", None, "not a readable .npy"),
         ("depth.jpg", None, r"allowed are .exr, .png"),

@@ -120,7 +120,7 @@ def test_wrong_files_are_explained(tmp_path, pose):
     for name, message in (
         ("none.ply", "no such file"),
         ("few.xyz", "has 2 points"),
-        ("words.xyz", "not a readable .xyz"),
+        ("words.xyz", "not a readable file of points: line 2 is 'a b c'"),
         ("broken.las", "not a readable .las"),
         ("broken.ply", "not a readable .ply"),
         ("broken.e57", "not a readable .e57"),
@@ -128,6 +128,9 @@ def test_wrong_files_are_explained(tmp_path, pose):
     ):
         with pytest.raises(InputError, match=message):
             read_points(tmp_path / name)
+    surveyed = PointCloud(np.random.default_rng(2).uniform(0, 8, (300, 3)) + [460_000.0, 5_427_000.0, 112.0])
+    with pytest.raises(InputError, match=r"lie around 46000\d.\d,542700\d.\d,11\d.\d, .* --origin"):
+        surfaces_from_points(surveyed, pose)
     far_apart = PointCloud(np.random.default_rng(2).uniform(-50, 50, (300, 3)))
     with pytest.raises(InputError, match=r"points are left|no floor found"):
         surfaces_from_points(far_apart, pose)

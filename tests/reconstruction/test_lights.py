@@ -59,6 +59,10 @@ def test_a_source_across_the_panoramas_edge_is_one():
     (source,) = strongest_sources(sky_map([(0.0, 0.4, 8.0, 50.0)]))
     assert source.position is None
     np.testing.assert_allclose(source.direction, latlong_to_direction(0.0, 0.4), atol=6e-3)  # A quarter of a pixel.
+    # It is behind, 18 degrees above the horizon.
+    assert abs(source.azimuth) == pytest.approx(180.0, abs=0.4)
+    assert source.elevation == pytest.approx(18.0, abs=0.4)
+    assert source.as_dict()["elevation"] == pytest.approx(18.0, abs=0.4)
     # A disk has the variance r^2 / 4, its rectangle of equal variance the side sqrt(3) r.
     assert source.size == pytest.approx([8.0 * np.sqrt(3.0)] * 2, rel=0.05)
     solid_angle = 2 * np.pi * (1 - np.cos(np.radians(8.0)))

@@ -218,6 +218,16 @@ def test_a_mistake_is_named_with_its_place_and_what_is_allowed(write_scene, text
     assert len(str(caught.value).splitlines()) == 1
 
 
+def test_a_file_of_a_later_format_is_refused(write_scene):
+    path = write_scene("")
+    plain = path.read_text()
+    path.write_text(f"format = 1\n{plain}")
+    load_scene(path)
+    path.write_text(f"format = 2\n{plain}")
+    with pytest.raises(InputError, match=r"scene.toml:1: format: must be at most 1, .* this version .* reads, found 2"):
+        load_scene(path)
+
+
 def test_all_mistakes_of_a_file_come_at_once(write_scene):
     text = "\n".join(text.replace('"a"', f'"a{i}"') for i, (text, _) in enumerate(WRONG[:9]))
     with pytest.raises(InputError) as caught:

@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.api import begin_rendering
-from lightdepth.cameras import Equirectangular, Fisheye, Perspective
+from lightdepth.cameras import Cubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective
 from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.film.frame import Frame
 from lightdepth.scene.materials import Diffuse, Material
@@ -30,6 +30,10 @@ from lightdepth.scene.model import (
 
 LOW, HIGH = np.array([-2.0, -2.5, 0.0]), np.array([2.5, 3.0, 2.6])
 CAPTURE = np.array([0.2, -0.3, 1.4])
+STEREO = OmnidirectionalStereo(
+    type="ods", width=32, interocular_distance=0.3, convergence_distance=1.9, nadir_merge=(30.0, 80.0)
+)
+"""Eyes so far apart that a mistake shows."""
 
 
 def box_mesh(low: NDArray = LOW, high: NDArray = HIGH) -> Mesh:
@@ -61,7 +65,7 @@ def room(
     width: int = 64,
     **settings: object,
 ) -> Scene:
-    """A closed box photographed as ``radiance`` (constant, or an image), with three cameras in different places.
+    """A closed box photographed as ``radiance`` (constant, or an image), with five cameras in two places.
 
     The irradiance of its support is known to 2 % at each vertex unless ``settings`` ask for more.
     """
@@ -76,6 +80,8 @@ def room(
         "view": CameraView(
             Perspective(type="perspective", width=48, height=32, fov=80), away, euler_rotation([-15, 0, -15])
         ),
+        "stereo": CameraView(STEREO, away, np.eye(3)),
+        "cubemap": CameraView(Cubemap(type="cubemap", width=48), away, euler_rotation([0.0, 0.0, 35.0])),
     }
     return Scene(
         Panorama(image, CAPTURE, turn),

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
@@ -21,9 +22,9 @@ from lightdepth.scene.model import (
     SyntheticObject,
     SyntheticPart,
 )
+from tests.recovery.test_irradiance import corner_factor
 from tests.scene.gltf_writer import gltf_document, write_glb
 from tests.transport.places import CAPTURE, GREY, HIGH, LOW, ball, box_depth, lamp_image, picture, room
-from tests.transport.test_irradiance import corner_factor
 
 FLOOR_RADIANCE = 0.2
 """Of the floor in walls of radiance 1: its albedo is 0.2 then, for E = pi."""
@@ -261,6 +262,23 @@ def test_coloured_lamps_cast_coloured_shadows():
         shadow = change[row - 1 : row + 2, column - 1 : column + 2].mean(axis=(0, 1))
         assert shadow[own] < 0
         assert abs(shadow[1 - own]) < 0.2 * abs(shadow[own])
+
+
+@pytest.mark.parametrize("roughness", [0.15, 0.35])
+def test_gloss_that_the_photograph_does_not_show_leaves_the_floor_its_own_light(roughness):
+    """The walls are bright in one place, but the floor does not show its mirror image."""
+    directions = pixel_directions(128, 256)
+    at = CAPTURE + directions * box_depth(directions)[..., None]
+    image = np.where(at[..., 2:] < 1e-6, 0.15, 0.6) * np.ones(3)
+    image[directions @ np.array([0.25, 0.9, 0.36]) > 0.97] = 30.0
+    scene = floor_and_walls(image, gloss=Gloss(roughness, 0.5), objects=[ball(GREY, (0.3, 0.9, 0.3), 0.3)])
+    frame = lightdepth.render(scene, "pano", samples=64)
+    on_floor = (frame.coverage == 0.0) & (frame.plate[..., 0] > 0.0) & (directions[..., 2] < -0.2)
+    error = np.sqrt(frame.variance)
+    assert (frame.change >= -frame.plate - 6.0 * error)[on_floor].all()
+    # In the mean over a few pixels at a time, noise hides nothing.
+    share = cv2.blur(np.where(on_floor[..., None], frame.change, 0.0), (3, 3)) / cv2.blur(frame.plate, (3, 3))
+    assert share[on_floor].min() > -0.95
 
 
 def test_a_glossy_floor_mirrors_a_lamp_at_the_mirrored_place():

@@ -23,7 +23,7 @@ def photograph():
 def test_without_objects_the_picture_is_the_photograph_bit_for_bit(photograph, samples, tmp_path):
     frame = lightdepth.render(room(photograph), "pano", samples=samples)
     assert frame.beauty.tobytes() == photograph.tobytes()
-    write_frame(tmp_path / "picture.exr", frame, latlong=True)
+    write_frame(tmp_path / "picture.exr", frame)
     assert read_frame(tmp_path / "picture.exr").beauty.tobytes() == photograph.tobytes()
 
 

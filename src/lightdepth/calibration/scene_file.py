@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
+
+import tomlkit
 
 from lightdepth.errors import InputError
 from lightdepth.images.writing import whole_file
 from lightdepth.toml_file import document_bytes, read_document
 
 
-def write_pose(scene: Path, rotation: Sequence[float], position: Sequence[float] | None) -> Path:
+def write_pose(
+    scene: Path, rotation: Sequence[float] | None, position: Sequence[float] | None, image: Path | None = None
+) -> Path:
     """Put a pose into the ``[panorama]`` table of a scene file; comments, order and all else are kept.
 
     Args:
-        scene: the scene file; it is replaced whole or not at all.
-        rotation: light space to world, XYZ Euler, degrees, three numbers.
+        scene: the scene file; it is replaced whole or not at all. Where there is none, it is begun.
+        rotation: light space to world, XYZ Euler, degrees, three numbers; ``None`` leaves the file's as it is.
         position: capture point, world, metres, three numbers; ``None`` leaves the file's as it is.
+        image: the panorama, which a new file names; ``None`` where the file must exist.
 
     Returns:
         The panorama image that the scene names.
@@ -24,16 +30,24 @@ def write_pose(scene: Path, rotation: Sequence[float], position: Sequence[float]
     Raises:
         InputError: the file is missing, is not TOML, has no panorama with an image, or cannot be written.
     """
-    document = read_document(scene)
+    document = read_document(scene) if image is None or scene.exists() else _begun(scene, image)
     panorama = document.get("panorama")
     if not isinstance(panorama, dict) or not isinstance(panorama.get("image"), str):
         raise InputError(f"{scene}: has no [panorama] table with an image; write one, then calibrate")
     if position is not None:
         panorama["position"] = _numbers(position)
-    panorama["rotation"] = _numbers(rotation)
+    if rotation is not None:
+        panorama["rotation"] = _numbers(rotation)
     with whole_file(scene) as temporary:
         temporary.write_bytes(document_bytes(document))
     return scene.parent / panorama["image"]
+
+
+def _begun(scene: Path, image: Path) -> tomlkit.TOMLDocument:
+    document = tomlkit.document()
+    document["panorama"] = tomlkit.table()
+    document["panorama"]["image"] = Path(os.path.relpath(image.resolve(), scene.resolve().parent)).as_posix()
+    return document
 
 
 def _numbers(values: Sequence[float]) -> list[float]:

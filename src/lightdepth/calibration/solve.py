@@ -63,7 +63,8 @@ class Calibration:
         position: capture point, world, metres, shape (3,); ``None`` where no cue gives it.
         residual: root mean square of the angles by which the clicks (automatic: the edges) miss the solution, degrees.
         residuals: the same for each cue.
-        expected_error: standard deviation of the rotation that the cues' errors lead to, degrees.
+        expected_error: standard deviation of the rotation that the cues' errors lead to, degrees; ``None`` where the
+            panorama was only taken as level.
         corners: the rectangle's corners on the floor, world, metres, shape (4, 3), counter-clockwise.
         warnings: what the person should look at.
         confidence: of the automatic part in [0, 1], where it was used.
@@ -73,7 +74,7 @@ class Calibration:
     position: FloatArray | None
     residual: float
     residuals: Mapping[str, float]
-    expected_error: float
+    expected_error: float | None
     corners: FloatArray | None = None
     warnings: tuple[str, ...] = ()
     confidence: float | None = None
@@ -140,6 +141,40 @@ def calibrate(cues: Cues, origin: str = "corner") -> Calibration:
     )
     warnings += _doubts(result, cues)
     return replace(result, warnings=tuple(warnings))
+
+
+def taken_as_level(
+    rotation: FloatArray | None, camera_height: float | None, heading: FloatArray | None = None, bearing: float = 0.0
+) -> Calibration:
+    """The pose of a panorama of which nobody says more than that it is level, as cameras on tripods and most stitchers are.
+
+    Args:
+        rotation: light space to world as the file's metadata has it, shape (3, 3); ``None`` for the panorama's own axes.
+        camera_height: of the capture point above the floor, metres.
+        heading: a direction in light space that lies ``bearing`` degrees clockwise of +y, shape (3,).
+        bearing: degrees.
+
+    Raises:
+        InputError: the height is not positive, or the heading points straight up or down.
+    """
+    if camera_height is not None and not (np.isfinite(camera_height) and camera_height > 0.0):
+        raise InputError(f"camera height {camera_height:g}: a finite number above 0 is needed")
+    found = np.eye(3) if rotation is None else rotation
+    if heading is not None:
+        found = _heading_rotation(found[2], heading, bearing)
+    return Calibration(
+        rotation=found,
+        position=None if camera_height is None else np.array([0.0, 0.0, camera_height]),
+        residual=0.0,
+        residuals={},
+        expected_error=None,
+        warnings=(
+            "taken as level: nothing was measured; look at the check picture, and give --auto, verticals or a "
+            "rectangle where its plumb lines lean",
+        )
+        if rotation is None
+        else (),
+    )
 
 
 def _check(cues: Cues, origin: str) -> None:
@@ -337,7 +372,7 @@ def _doubts(result: Calibration, cues: Cues) -> list[str]:
             )
     if result.tilt > 60.0:
         warnings.append(f"the panorama would be tilted by {result.tilt:.0f} degrees: is the rectangle on the floor?")
-    if result.expected_error > 1.0:
+    if result.expected_error is not None and result.expected_error > 1.0:
         warnings.append(
             f"the rotation is only known to about {result.expected_error:.1f} degrees: add another "
             "cue (verticals, automatic), or click a rectangle that is larger or nearer"

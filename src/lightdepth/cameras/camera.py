@@ -3,14 +3,36 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field
+
+from lightdepth.cameras.topology import Flat, Topology
 
 if TYPE_CHECKING:
     import mitsuba as mi
 
 Vector3 = tuple[float, float, float]
+
+
+@dataclass
+class FilmPoint:
+    """Where a film shows points.
+
+    Attributes:
+        origin: the ray through ``film`` that starts here, in camera space, metres, meets the point.
+        film: positions on the film in [0, 1], x to the right, y down.
+        inside: false where the film does not show the point.
+        weight: where the film shows a point in several places, one over the probability with which this one was picked;
+            times ``solid_angle t^2``, at the distance ``t`` from the origin, over the area across the ray that a unit of
+            film area really covers there, where the rays have no common origin. 1 for most cameras.
+    """
+
+    origin: mi.Point3f
+    film: mi.Point2f
+    inside: mi.Bool
+    weight: mi.Float
 
 
 class Camera(BaseModel, ABC):
@@ -33,6 +55,11 @@ class Camera(BaseModel, ABC):
     def resolution(self) -> tuple[int, int]:
         """Width and height in pixels."""
 
+    @property
+    def topology(self) -> Topology:
+        """How the pixels of the film lie beside each other: by default, a picture that ends at its edges."""
+        return Flat(*self.resolution)
+
     @abstractmethod
     def camera_rays(self, film: mi.Point2f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f, mi.Bool]:
         """Rays in camera space through points of the film.
@@ -47,21 +74,33 @@ class Camera(BaseModel, ABC):
         """
 
     @abstractmethod
-    def film_points(self, target: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f, mi.Bool]:
-        """Where the film shows points: :meth:`camera_rays` turned round.
+    def film_point(self, target: mi.Point3f, lens: mi.Point2f) -> FilmPoint:
+        """Where the film shows points: :meth:`camera_rays` inverted.
 
         Args:
             target: points in camera space, metres.
-            lens: as for :meth:`camera_rays`.
-
-        Returns:
-            ``(origins, film, inside)``: the ray through ``film`` that starts at the origin, in camera space, meets the
-            point. Where not ``inside`` the film does not show it.
+            lens: uniform random numbers in [0, 1): for the aperture as in :meth:`camera_rays`, and to pick one of several
+                places of the film that show a point.
         """
 
     @abstractmethod
     def solid_angle(self, direction: mi.Vector3f) -> mi.Float:
         """Steradians that rays of one origin fill per unit of film area, around unit directions in camera space."""
+
+    @property
+    def has_aperture(self) -> bool:
+        """Whether a lens blurs what is not in focus."""
+        return False
+
+    def blur(self, depth: mi.Float) -> mi.Float:
+        """Radius in pixels of the disk over which the lens spreads points.
+
+        Args:
+            depth: of the points along the camera's axis, metres, inf for sky.
+        """
+        import drjit as dr
+
+        return dr.zeros(type(depth), dr.width(depth))
 
     def pixel_angle(self, direction: mi.Vector3f) -> mi.Float:
         """Solid angle of the pixels around unit directions in camera space, steradians."""

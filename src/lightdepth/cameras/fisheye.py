@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
-from lightdepth.cameras.camera import Camera
+from lightdepth.cameras.camera import Camera, FilmPoint
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -44,7 +44,7 @@ class Fisheye(Camera):
         scale = dr.select(radius > 0.0, sin_theta / dr.maximum(radius, 1e-20), 0.0)
         return mi.Point3f(0.0), mi.Vector3f(x * scale, cos_theta, z * scale), inside
 
-    def film_points(self, target: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f, mi.Bool]:  # noqa: D102
+    def film_point(self, target: mi.Point3f, lens: mi.Point2f) -> FilmPoint:  # noqa: D102
         import drjit as dr
         import mitsuba as mi
 
@@ -56,7 +56,7 @@ class Fisheye(Camera):
             radius = dr.sin(0.5 * theta) / math.sin(math.radians(0.25 * self.fov))
         scale = radius / dr.maximum(off_axis, 1e-20)
         film = mi.Point2f(0.5 + 0.5 * scale * target.x, 0.5 - 0.5 * scale * target.z)
-        return mi.Point3f(0.0), film, radius <= 1.0
+        return FilmPoint(mi.Point3f(0.0), film, radius <= 1.0, mi.Float(1.0))
 
     def solid_angle(self, direction: mi.Vector3f) -> mi.Float:  # noqa: D102
         import drjit as dr

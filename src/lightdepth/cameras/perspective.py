@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
-from lightdepth.cameras.camera import Camera, Vector3
+from lightdepth.cameras.camera import Camera, FilmPoint, Vector3
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -63,7 +63,7 @@ class Perspective(Camera):
         origin = self._lens_point(lens)
         return origin, dr.normalize(self._sharp_distance() * direction - origin), mi.Bool(True)
 
-    def film_points(self, target: mi.Point3f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Point2f, mi.Bool]:  # noqa: D102
+    def film_point(self, target: mi.Point3f, lens: mi.Point2f) -> FilmPoint:  # noqa: D102
         import drjit as dr
         import mitsuba as mi
 
@@ -76,13 +76,24 @@ class Perspective(Camera):
         up = (z / half_width - 2.0 * self.shift[1]) * (self.width / self.height)
         film = mi.Point2f(right, 0.5 * (1.0 - up))
         inside = (target.y > 0.0) & (film.x >= 0.0) & (film.x < 1.0) & (film.y >= 0.0) & (film.y < 1.0)
-        return origin, film, inside
+        return FilmPoint(origin, film, inside, mi.Float(1.0))
 
     def solid_angle(self, direction: mi.Vector3f) -> mi.Float:  # noqa: D102
         import drjit as dr
 
         cosine = dr.maximum(direction.y, 0.0)
         return 4.0 * self._half_width() ** 2 * (self.height / self.width) * cosine * dr.square(cosine)
+
+    @property
+    def has_aperture(self) -> bool:  # noqa: D102
+        return self.aperture > 0.0
+
+    def blur(self, depth: mi.Float) -> mi.Float:  # noqa: D102
+        import drjit as dr
+
+        pixels = 0.5 * self.width / self._half_width()
+        nearness = dr.rcp(dr.maximum(depth, 1e-3))
+        return self.aperture * pixels * dr.abs(nearness - 1.0 / self._sharp_distance())
 
     def _half_width(self) -> float:
         """Half the image's width at distance 1."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from lightdepth.capture.exposure import Exposure, read_exposures
 from lightdepth.capture.photograph import PHOTOGRAPHS
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 
 Bracket = list[tuple[Path, Exposure]]
 
@@ -18,8 +18,7 @@ SAME = 0.1
 def brackets_in_folder(folder: Path, table: Path | None = None, size: int | None = None) -> list[Bracket]:
     """Group a folder's photographs into brackets, one for each orientation, in the order in which they were taken.
 
-    Folders within the folder hold one bracket each. Otherwise a new bracket begins where an exposure occurs that the
-    present one has already; where that gives no groups of (almost) the same exposures, every photograph stands alone.
+    Folders within the folder hold one bracket each. Otherwise see :func:`group_by_exposure`.
 
     Args:
         folder: holds photographs, or folders of photographs.
@@ -43,7 +42,15 @@ def brackets_in_folder(folder: Path, table: Path | None = None, size: int | None
 
 
 def group_by_exposure(photographs: Sequence[tuple[Path, Exposure]]) -> list[Bracket]:
-    """Split a sequence of photographs where an exposure comes again; see :func:`brackets_in_folder`."""
+    """Split a sequence of photographs into brackets.
+
+    Where the sequence of exposures comes again and again, its period is the bracket, whose exposures may repeat; the
+    last one may lack some. Otherwise a bracket begins where an exposure occurs that the present one has already; where
+    that gives no groups of (almost) the same exposures, every photograph stands alone, with a warning.
+    """
+    period = _period(photographs)
+    if period is not None:
+        return [list(photographs[start : start + period]) for start in range(0, len(photographs), period)]
     groups: list[Bracket] = []
     for photograph in photographs:
         if not groups or _contains(groups[-1], photograph[1]):
@@ -54,11 +61,33 @@ def group_by_exposure(photographs: Sequence[tuple[Path, Exposure]]) -> list[Brac
         len(group) * 3 >= len(largest) * 2 and all(_contains(largest, exposure) for _, exposure in group)
         for group in groups
     )
-    return groups if alike and len(largest) > 1 else [[photograph] for photograph in photographs]
+    if alike and len(largest) > 1:
+        return groups
+    if len(largest) > 1:
+        warn(
+            f"{photographs[0][0].parent}: the exposures of the {len(photographs)} photographs follow no pattern, so each "
+            "is taken as an orientation of its own; if they are brackets, give their size as --bracket"
+        )
+    return [[photograph] for photograph in photographs]
+
+
+def _period(photographs: Sequence[tuple[Path, Exposure]]) -> int | None:
+    """After how many photographs the exposures come again; ``None`` where they do not, or are all the same."""
+    exposures = [exposure for _, exposure in photographs]
+    if all(_same(exposure, exposures[0]) for exposure in exposures):
+        return None
+    for period in range(2, len(exposures) // 2 + 1):
+        if all(_same(before, after) for before, after in zip(exposures, exposures[period:], strict=False)):
+            return period
+    return None
+
+
+def _same(one: Exposure, other: Exposure) -> bool:
+    return 2.0**-SAME < one.amount / other.amount < 2.0**SAME
 
 
 def _contains(group: Bracket, exposure: Exposure) -> bool:
-    return any(2.0**-SAME < other.amount / exposure.amount < 2.0**SAME for _, other in group)
+    return any(_same(other, exposure) for _, other in group)
 
 
 def _photographs(folder: Path) -> list[Path]:

@@ -11,6 +11,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from lightdepth.capture.photograph import is_raw
 from lightdepth.errors import InputError
 from lightdepth.packages import optional_package
 
@@ -19,6 +20,13 @@ _PRINTED = [30, 25, 20, 15, 13, 10, 8, 6, 5, 4, 3.2, 2.5, 2, 1.6, 1.3, 1, 0.8, 0
 _PRINTED_FRACTIONS = [4, 5, 6, 8, 10, 13, 15, 20, 25, 30, 40, 45, 50, 60, 80, 90, 100, 125, 160, 180, 200, 250, 320]
 _PRINTED_FRACTIONS += [350, 400, 500, 640, 750, 800, 1000, 1250, 1500, 1600, 2000, 2500, 3000, 3200, 4000, 5000]
 _PRINTED_FRACTIONS += [6000, 6400, 8000, 16000, 32000]
+
+
+UNKNOWN_APERTURE, UNKNOWN_ISO = 1.0, 100.0
+"""Stand for what no photograph of a bracket states: a lens without contacts, a camera without a dial."""
+OVERFLOW_ISO = 65535
+"""What EXIF data say where the sensitivity is larger than they can."""
+LARGEST_ISO = 5e6
 
 
 @dataclass(frozen=True)
@@ -35,8 +43,8 @@ class Exposure:
     """
 
     time: float
-    aperture: float = 1.0
-    iso: float = 100.0
+    aperture: float = UNKNOWN_APERTURE
+    iso: float = UNKNOWN_ISO
     taken: float | None = None
     orientation: int = 1
     focal_length_35mm: float | None = None
@@ -60,7 +68,7 @@ def read_exposures(photographs: Sequence[Path], table: Path | None = None) -> li
         SetupError: the package that reads EXIF data is not installed, and there is no table.
     """
     if table is None:
-        return [read_exif(path) for path in photographs]
+        return _alike(photographs, [_read_exif(path) for path in photographs])
     rows = _read_table(table)
     missing = [path.name for path in photographs if path.name not in rows]
     if missing:
@@ -69,37 +77,110 @@ def read_exposures(photographs: Sequence[Path], table: Path | None = None) -> li
 
 
 def read_exif(path: Path) -> Exposure:
-    """Exposure in a photograph's EXIF data.
+    """Exposure in a photograph's EXIF data, or in what LibRaw finds in a RAW file of a maker's own.
 
     Raises:
-        InputError: the file is missing, or lacks the exposure time.
+        InputError: the file is missing, or lacks the exposure time, or its sensitivity is impossible.
         SetupError: the package that reads EXIF data is not installed.
     """
+    return _alike([path], [_read_exif(path)])[0]
+
+
+@dataclass(frozen=True)
+class _Exif:
+    """What the file says, 0 where it says nothing."""
+
+    time: float
+    aperture: float
+    iso: float
+    taken: float | None
+    orientation: int
+    focal_length_35mm: float | None = None
+    recommended_index: float | None = None
+
+
+def _alike(photographs: Sequence[Path], found: Sequence[_Exif]) -> list[Exposure]:
+    """Exposures that can be compared: what some photographs state, all must."""
+    for name, option in (("aperture", "f-number"), ("iso", "ISO")):
+        stated = [getattr(exif, name) > 0.0 for exif in found]
+        if any(stated) and not all(stated):
+            path = photographs[stated.index(False)]
+            raise InputError(
+                f"{path}: the EXIF data hold no {option}, though those of {photographs[stated.index(True)].name} do; "
+                "state time, aperture and ISO in a table (--exposures)"
+            )
+    return [
+        Exposure(
+            time=shutter_time(exif.time),
+            aperture=exif.aperture or UNKNOWN_APERTURE,
+            iso=exif.iso or UNKNOWN_ISO,
+            taken=exif.taken,
+            orientation=exif.orientation,
+            focal_length_35mm=exif.focal_length_35mm,
+        )
+        for exif in found
+    ]
+
+
+def _read_exif(path: Path) -> _Exif:
+    exif = _from_tags(path)
+    if not exif.time > 0.0 and is_raw(path):
+        exif = _from_libraw(path) or exif
+    if not exif.time > 0.0:
+        raise InputError(
+            f"{path}: the EXIF data hold no exposure time; state time, aperture and ISO in a table (--exposures)"
+        )
+    if exif.iso == OVERFLOW_ISO or not 0.0 <= exif.iso <= LARGEST_ISO:
+        index = exif.recommended_index
+        more = f" (the recommended exposure index is {index:g})" if index else ""
+        raise InputError(
+            f"{path}: the EXIF data give the sensitivity as ISO {exif.iso:g}, which stands for one that they cannot hold"
+            f"{more}; state time, aperture and ISO in a table (--exposures)"
+        )
+    return exif
+
+
+def _from_tags(path: Path) -> _Exif:
     exifread = optional_package("exifread", "capture")
-    # The library logs what it skips; the errors below say what is missing.
+    # The library logs what it skips; the errors say what is missing.
     logging.getLogger("exifread").setLevel(logging.CRITICAL)
     try:
         with path.open("rb") as file:
             tags = exifread.process_file(file, details=False)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except Exception as error:  # Damaged files surface as whatever the parser met.
-        raise InputError(
-            f"{path}: its EXIF data cannot be read ({error}); --exposures can state the exposure"
-        ) from error
-    time = _number(tags, "EXIF ExposureTime")
-    if time is None or time <= 0.0:
-        raise InputError(
-            f"{path}: the EXIF data hold no exposure time; state time, aperture and ISO in a table (--exposures)"
-        )
-    focal_35 = _number(tags, "EXIF FocalLengthIn35mmFilm")
-    return Exposure(
-        time=shutter_time(time),
-        aperture=_number(tags, "EXIF FNumber") or 1.0,
-        iso=_number(tags, "EXIF ISOSpeedRatings") or 100.0,
+    except Exception:  # Damaged files surface as whatever the parser met; what is missing is reported.
+        tags = {}
+    orientation = int(_number(tags, "Image Orientation") or 1)
+    # Some cameras state both as powers of two only (APEX).
+    shutter, aperture = _signed(tags, "EXIF ShutterSpeedValue"), _number(tags, "EXIF ApertureValue")
+    return _Exif(
+        time=_number(tags, "EXIF ExposureTime") or (0.0 if shutter is None else 2.0**-shutter),
+        aperture=_number(tags, "EXIF FNumber") or (0.0 if aperture is None else 2.0 ** (aperture / 2.0)),
+        iso=_number(tags, "EXIF ISOSpeedRatings") or 0.0,
         taken=_taken(tags),
-        orientation=int(_number(tags, "Image Orientation") or 1),
-        focal_length_35mm=focal_35 or None,
+        orientation=orientation if 1 <= orientation <= 8 else 1,
+        focal_length_35mm=_number(tags, "EXIF FocalLengthIn35mmFilm") or None,
+        recommended_index=_number(tags, "EXIF RecommendedExposureIndex"),
+    )
+
+
+def _from_libraw(path: Path) -> _Exif | None:
+    """What LibRaw knows of makers' files whose metadata are no EXIF data."""
+    rawpy = optional_package("rawpy", "capture")
+    try:
+        with rawpy.imread(str(path)) as raw:
+            other, flip = raw.other, raw.sizes.flip
+    except rawpy.LibRawError:
+        return None
+    taken = other.timestamp
+    known = taken is not None and taken.year > 1971
+    return _Exif(
+        time=other.shutter_speed,
+        aperture=other.aperture,
+        iso=other.iso_speed,
+        taken=(taken.replace(tzinfo=None) - datetime(1970, 1, 1)).total_seconds() if known else None,
+        orientation={3: 3, 5: 8, 6: 6}.get(flip, 1),
     )
 
 
@@ -119,11 +200,18 @@ def shutter_time(printed: float) -> float:
 
 
 def _number(tags: dict[str, Any], name: str) -> float | None:
+    """A tag's first value where it is positive."""
+    number = _signed(tags, name)
+    return number if number is not None and number > 0.0 else None
+
+
+def _signed(tags: dict[str, Any], name: str) -> float | None:
     values = getattr(tags.get(name), "values", None)
     try:
-        return float(values[0]) if values else None
+        number = float(values[0]) if values else math.nan
     except (TypeError, ValueError, ZeroDivisionError):
         return None
+    return number if abs(number) < 1e9 else None
 
 
 def _taken(tags: dict[str, Any]) -> float | None:
@@ -137,11 +225,16 @@ def _taken(tags: dict[str, Any]) -> float | None:
 
 def _read_table(table: Path) -> dict[str, Exposure]:
     try:
-        lines = table.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{table}: cannot be read ({error})") from error
-    reader = csv.DictReader(lines, skipinitialspace=True)
-    columns = reader.fieldnames or []
+        text = table.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(f"{table}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{table}: not a text file in UTF-8") from error
+    lines = text.replace("\0", "").splitlines()
+    separator = ";" if lines and ";" in lines[0] and "," not in lines[0] else ","
+    reader = csv.DictReader(lines, skipinitialspace=True, delimiter=separator)
+    columns = [name.strip().lower() for name in reader.fieldnames or []]
+    reader.fieldnames = columns
     if "file" not in columns or "time" not in columns:
         raise InputError(
             f"{table}: the header row has {', '.join(columns) or 'nothing'}; "
@@ -151,9 +244,9 @@ def _read_table(table: Path) -> dict[str, Exposure]:
     for row in reader:
         time, aperture, iso = (
             _positive((row.get(name) or "").strip() or default, f"{table}: line {reader.line_num}: {name}")
-            for name, default in (("time", ""), ("aperture", "1"), ("iso", "100"))
+            for name, default in (("time", ""), ("aperture", f"{UNKNOWN_APERTURE}"), ("iso", f"{UNKNOWN_ISO}"))
         )
-        rows[Path(row["file"]).name] = Exposure(time, aperture, iso)
+        rows[Path((row["file"] or "").strip()).name] = Exposure(time, aperture, iso)
     return rows
 
 

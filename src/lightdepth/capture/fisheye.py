@@ -65,8 +65,8 @@ def parse_circle(text: str) -> Circle:
     try:
         x, y, radius = (float(part) for part in text.split(","))
     except ValueError:
-        radius = 0.0
-    if not radius > 0.0:
+        x, y, radius = 0.0, 0.0, 0.0
+    if not (radius > 0.0 and np.isfinite([x, y, radius]).all()):
         raise InputError(f"--circle is '{text}'; allowed are auto, or x,y,r in pixels with a positive radius r")
     return Circle(x, y, radius)
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -13,7 +15,7 @@ import numpy as np
 from lightdepth.capture.lens import PROJECTIONS, Lens
 from lightdepth.capture.project import angle_between, read_project
 from lightdepth.capture.rig import Rig
-from lightdepth.errors import LightdepthError, SetupError
+from lightdepth.errors import InputError, LightdepthError, SetupError
 
 PACKAGES = {"enblend": "enblend"}
 """Debian packages of the tools; those not named are in ``hugin-tools``."""
@@ -24,6 +26,9 @@ RIG_TOLERANCE = 12.0
 """How far the camera may stand from where the rig says, in degrees, field of view included."""
 
 LENS_VARIABLES = "v,a,b,c,d,e"
+
+_SEARCHED = re.compile(r"i\d+ (: Analyzing|<> i\d+ : Found)")
+"""What cpfind prints of each image and of each pair of images."""
 
 
 def require(tools: Sequence[str]) -> None:
@@ -41,28 +46,49 @@ def require(tools: Sequence[str]) -> None:
         )
 
 
-def run(tool: str, *arguments: str, folder: Path) -> str:
+def run(tool: str, *arguments: str, folder: Path, on_line: Callable[[str], None] = lambda _: None) -> str:
     """Run a tool in a folder and return what it printed.
+
+    Args:
+        tool: its name.
+        arguments: its arguments.
+        folder: where it runs, and where it keeps temporary files.
+        on_line: called with every line that it prints, when it prints it.
 
     Raises:
         SetupError: it is not installed.
         LightdepthError: it failed; the message has its last words.
     """
     require([tool])
-    finished = subprocess.run(
-        [tool, *arguments],
-        cwd=folder,
-        env={**os.environ, "LC_ALL": "C", "TMPDIR": str(folder)},
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        check=False,
-    )
-    if finished.returncode != 0:
-        words = (finished.stderr.strip() or finished.stdout.strip()).splitlines()[-5:]
-        raise LightdepthError(f"{tool} failed with status {finished.returncode}: {' / '.join(words) or 'no message'}")
-    return finished.stdout
+    printed = []
+    with (
+        tempfile.TemporaryFile("w+", errors="replace") as errors,
+        subprocess.Popen(
+            [tool, *arguments],
+            cwd=folder,
+            env={**os.environ, "LC_ALL": "C", "TMPDIR": str(folder)},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=errors,
+            text=True,
+            errors="replace",
+        ) as process,
+    ):
+        assert process.stdout is not None
+        try:
+            for line in process.stdout:
+                printed.append(line)
+                on_line(line)
+        except BaseException:
+            process.kill()
+            raise
+        status = process.wait()
+        errors.seek(0)
+        complaint = errors.read().strip()
+    if status != 0:
+        words = (complaint or "".join(printed).strip()).splitlines()[-5:]
+        raise LightdepthError(f"{tool} failed with status {status}: {' / '.join(words) or 'no message'}")
+    return "".join(printed)
 
 
 def find_poses(
@@ -74,6 +100,7 @@ def find_poses(
     rolls: Sequence[float],
     circular: bool,
     progress: Callable[[str], None],
+    searching: Callable[[int, int], None],
 ) -> tuple[Path, Path]:
     """Find control points and optimise lens and poses.
 
@@ -86,9 +113,17 @@ def find_poses(
         rolls: degrees by which the camera was turned about its axis, where no rig is known.
         circular: the images are black outside the circle within their square.
         progress: called before each step with its name.
+        searching: called while control points are searched, with how many images and pairs of images of how many have
+            been looked at.
 
     Returns:
-        ``(matched, optimised)``: project files with the control points found, and with lens and poses.
+        ``(matched, optimised)``: project files with the control points found, and with lens and poses. Without control
+        points these are the rig's.
+
+    Raises:
+        InputError: no control points were found, and no rig is given.
+        SetupError: a tool is not installed.
+        LightdepthError: a tool failed.
     """
     progress("project")
     number = PROJECTIONS[projection]
@@ -105,10 +140,25 @@ def find_poses(
         )
     progress("control points")
     strategy = "--prealigned" if rig is not None else "--multirow"
-    run("cpfind", strategy, "--sieve2size", "3", "-o", "matched.pto", project, folder=folder)
+    total, done = len(images) * (len(images) + 1) // 2, 0
+
+    def on_line(line: str) -> None:
+        nonlocal done
+        if _SEARCHED.match(line):
+            done = min(done + 1, total)
+            searching(done, total)
+
+    run("cpfind", strategy, "--sieve2size", "3", "-o", "matched.pto", project, folder=folder, on_line=on_line)
     progress("cleaning control points")
     project = "matched.pto" if rig is None else _near_the_rig(folder, "matched.pto", "likely.pto")
     project = _clean(folder, project)
+    if _count(folder, project) == 0:
+        if rig is None:
+            raise InputError(
+                "no control points were found between any two of the images: they show too little, or overlap too "
+                "little; state the orientations by --rig"
+            )
+        return folder / "matched.pto", folder / project
     progress("lens and poses")
     if rig is None:
         # Pairwise from the first photograph on, then all poses and the field of view as far as the points allow.
@@ -157,7 +207,12 @@ def _near_the_rig(folder: Path, project: str, result: str) -> str:
 
 def _clean(folder: Path, project: str) -> str:
     """The project without outliers; as it is where it holds too few points to judge."""
-    if sum(line.startswith("c ") for line in (folder / project).read_text().splitlines()) < 4:
+    if _count(folder, project) < 4:
         return project
     run("cpclean", "-o", "clean.pto", project, folder=folder)
     return "clean.pto"
+
+
+def _count(folder: Path, project: str) -> int:
+    """How many control points a project holds."""
+    return sum(line.startswith("c ") for line in (folder / project).read_text().splitlines())

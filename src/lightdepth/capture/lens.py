@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,6 +50,18 @@ class Lens:
         """Camera space (x right, y forward, z up) to the panorama's light space, shape (3, 3)."""
         about_axis = euler_rotation([0.0, self.roll, 0.0])
         return euler_rotation([0.0, 0.0, -self.yaw]) @ euler_rotation([self.pitch, 0.0, 0.0]) @ about_axis
+
+    def with_rotation(self, rotation: FloatArray) -> Lens:
+        """The lens with yaw, pitch and roll of a :attr:`rotation`; straight up and down the roll is 0."""
+        sine = float(np.clip(rotation[2, 1], -1.0, 1.0))
+        if abs(sine) > 1.0 - 1e-12:
+            # There yaw and roll turn about one axis: the side that points right tells their sum.
+            yaw, roll = -np.arctan2(rotation[1, 0], rotation[0, 0]), 0.0
+        else:
+            yaw = np.arctan2(rotation[0, 1], rotation[1, 1])
+            roll = np.arctan2(-rotation[2, 0], rotation[2, 2])
+        pitch = float(np.degrees(np.arcsin(sine)))
+        return replace(self, yaw=float(np.degrees(yaw)), pitch=pitch, roll=float(np.degrees(roll)))
 
     @property
     def focal_length(self) -> float:

@@ -13,7 +13,14 @@ from numpy.typing import NDArray
 from lightdepth.capture import alignment
 from lightdepth.capture.exposure import Exposure
 from lightdepth.capture.fisheye import Circle, find_circle
-from lightdepth.capture.photograph import Codes, is_raw, read_photograph
+from lightdepth.capture.photograph import (
+    Codes,
+    WhiteBalance,
+    is_raw,
+    mirrored_back,
+    read_photograph,
+    shared_white_balance,
+)
 from lightdepth.capture.recovery import BLACK, WHITE, choose_samples, recover_response, sample_patches, trust
 from lightdepth.capture.response import Response, linear_response, srgb_response
 from lightdepth.errors import InputError
@@ -26,6 +33,10 @@ LEAST_TRUST = 0.05
 
 GHOST = 0.05
 """Difference of readings in [0, 1] beyond which something moved; noise is alike in all readings, and much smaller."""
+
+
+UNLIKE = 1.5
+"""Photographs of one view whose mean brightness differs by more were not exposed alike."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +103,7 @@ def merge(
     deghost: bool = False,
     upright: bool = True,
     progress: Progress = lambda *_: None,
+    white_balance: WhiteBalance | None = None,
 ) -> Merged:
     """Merge a bracket.
 
@@ -104,16 +116,22 @@ def merge(
         circle: the fisheye circle, "auto" to find it, None for other lenses. The result is cropped to it.
         align: undo the movement of a hand-held camera.
         deghost: at each pixel leave out exposures that disagree with the best exposed one.
-        upright: turn the result as the first photograph's EXIF orientation says; fisheye images are never turned.
+        upright: turn the result as the first photograph's EXIF orientation says; fisheye images are never turned, but
+            mirrored ones always mirrored back.
         progress: called after each photograph.
+        white_balance: of RAW files; ``None`` is that of the bracket.
 
     Raises:
-        InputError: a photograph cannot be read, sizes differ, or no circle is found.
+        InputError: a photograph cannot be read, sizes differ, exposures are said to be equal but are not, or no circle
+            is found.
     """
+    white_balance = white_balance or shared_white_balance([path for path, _ in bracket])
     bracket = sorted(bracket, key=lambda pair: pair[1].amount)
     amounts = [exposure.amount for _, exposure in bracket]
     # A fisheye that looks up or down has no upright; the camera's idea of one may change within the bracket.
-    orientation = bracket[0][1].orientation if upright and circle is None else 1
+    orientation = bracket[0][1].orientation
+    if not upright or circle is not None:
+        orientation = mirrored_back(orientation)[0]
     passes = 1 + align + deghost
     done = 0
 
@@ -123,7 +141,7 @@ def merge(
         progress(what, done, passes * len(bracket))
 
     def load(index: int) -> Codes:
-        codes = read_photograph(bracket[index][0], orientation)
+        codes = read_photograph(bracket[index][0], orientation, white_balance)
         if not shape:
             shape.extend(codes.shape)
         elif list(codes.shape) != shape:
@@ -157,8 +175,10 @@ def merge(
 
     reference = _reference(len(bracket), readings, tick) if deghost else None
     total: NDArray[np.float32] | None = None
+    brightness = []
     for index, amount in enumerate(amounts):
         radiance, weight = readings(index)
+        brightness.append(float(radiance.mean()))
         if total is None:
             total, weights = np.zeros_like(radiance), np.zeros_like(radiance)
             black = np.ones(radiance.shape[:2], bool)
@@ -180,6 +200,7 @@ def merge(
         total += weight * radiance
         weights += weight
         tick("merging")
+    _check_exposures(bracket, brightness)
     assert total is not None
     clipped: NDArray[np.bool_] = np.asarray(channel_clipped.any(axis=2))
     known = weights > 0.0
@@ -193,6 +214,23 @@ def merge(
         result[~seen] = 0.0
     ghosts = float((rejected & seen).sum() / max(seen.sum(), 1))
     return Merged(result, seen, clipped & seen, black & seen, ghosts, circle if isinstance(circle, Circle) else None)
+
+
+def _check_exposures(bracket: Sequence[tuple[Path, Exposure]], brightness: Sequence[float]) -> None:
+    """Refuse photographs that are said to be exposed alike but are not.
+
+    Args:
+        bracket: from the least to the greatest exposure.
+        brightness: mean radiance that each shows.
+    """
+    amounts = [exposure.amount for _, exposure in bracket]
+    dark, bright = int(np.argmin(brightness)), int(np.argmax(brightness))
+    if max(amounts) < 1.05 * min(amounts) and brightness[bright] > UNLIKE * brightness[dark]:
+        raise InputError(
+            f"{bracket[bright][0]}: is exposed like {bracket[dark][0].name} by its EXIF data, but is "
+            f"{brightness[bright] / max(brightness[dark], 1e-12):.3g} times as bright; state time, aperture and ISO in a "
+            "table (--exposures)"
+        )
 
 
 def response_bounds(response: Response, amount: float) -> NDArray[np.float32]:

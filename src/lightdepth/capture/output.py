@@ -44,9 +44,7 @@ def write_image(output: Path, radiance: NDArray[np.float32], known: NDArray[np.b
     channels = {name: radiance[..., index].astype(np.float32) for index, name in enumerate("RGB")}
     header: dict[str, Any] = {}
     if panorama:
-        import OpenEXR
-
-        header["envmap"] = OpenEXR.ENVMAP_LATLONG
+        header["envmap"] = "latlong"
     picture = tone_map(radiance, auto_exposure(radiance, alpha))
     write_exr(output, [ExrPart({**channels, "A": alpha}, "", header)])
     write_png(output.with_suffix(".png"), picture)

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import io
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
+from lightdepth.images.pixels import read_pixels
 from lightdepth.packages import optional_package
 
 Codes = NDArray[np.uint8] | NDArray[np.uint16]
 """Camera readings: RGB, shape (height, width, 3), 0 is black and the type's largest value is white."""
+WhiteBalance = tuple[float, ...]
+"""Multipliers of a sensor's red, green, blue and second green."""
 
 DEVELOPED = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 RAW = (".arw", ".cr2", ".cr3", ".crw", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".raw", ".rw2", ".srw", ".x3f")
@@ -20,6 +27,9 @@ PHOTOGRAPHS = DEVELOPED + RAW
 """File name extensions of photographs."""
 
 _TURNS = {3: cv2.ROTATE_180, 6: cv2.ROTATE_90_CLOCKWISE, 8: cv2.ROTATE_90_COUNTERCLOCKWISE}
+_MIRRORED = {2: 1, 4: 3, 5: 8, 7: 6}
+"""What is left of an EXIF orientation once left and right are exchanged."""
+_SAME_BALANCE = 0.01
 
 
 def is_raw(path: Path) -> bool:
@@ -27,12 +37,24 @@ def is_raw(path: Path) -> bool:
     return path.suffix.lower() in RAW
 
 
-def read_photograph(path: Path, orientation: int = 1) -> Codes:
+def mirrored_back(orientation: int) -> tuple[int, int]:
+    """Part an EXIF orientation into a mirroring and a turn.
+
+    Returns:
+        ``(mirroring, turn)``: 2 where left and right must be exchanged first, else 1; and the orientation without that,
+        one of 1, 3, 6 and 8.
+    """
+    return (2, _MIRRORED[orientation]) if orientation in _MIRRORED else (1, orientation)
+
+
+def read_photograph(path: Path, orientation: int = 1, white_balance: WhiteBalance | None = None) -> Codes:
     """Read a photograph as the sensor saw it.
 
     Args:
-        path: the file. RAW is developed linearly by LibRaw, with the camera's white balance, to Rec.709 primaries.
-        orientation: EXIF orientation to undo (1: leave as the sensor saw it; mirrored ones are left too).
+        path: the file. RAW is developed linearly by LibRaw to Rec.709 primaries, so that the sensor's white is the
+            largest reading whatever the picture holds.
+        orientation: EXIF orientation to undo (1: leave as the sensor saw it).
+        white_balance: of RAW, see :func:`shared_white_balance`; ``None`` is the photograph's own.
 
     Returns:
         Camera readings, RGB, 8 or 16 bits.
@@ -45,32 +67,120 @@ def read_photograph(path: Path, orientation: int = 1) -> Codes:
         raise InputError(f"{path}: no such file")
     if path.suffix.lower() not in PHOTOGRAPHS:
         raise InputError(f"{path}: '{path.suffix}' is not a photograph; allowed are {', '.join(PHOTOGRAPHS)}")
-    codes = _read_raw(path) if is_raw(path) else _read_developed(path)
-    turn = _TURNS.get(orientation)
-    return codes if turn is None else cv2.rotate(codes, turn)
+    codes = _read_raw(path, white_balance) if is_raw(path) else _read_developed(path)
+    mirroring, turn = mirrored_back(orientation)
+    if mirroring == 2:
+        codes = cv2.flip(codes, 1)
+    return cv2.rotate(codes, _TURNS[turn]) if turn in _TURNS else codes
+
+
+def shared_white_balance(photographs: Sequence[Path]) -> WhiteBalance | None:
+    """One white balance for all photographs of a shoot, for colours that change between them cannot be merged.
+
+    Cameras that are left to choose choose anew for every photograph. The median of their choices is taken.
+
+    Args:
+        photographs: all RAW, or none.
+
+    Returns:
+        Multipliers; ``None`` for developed photographs, whose white balance is in their pixels.
+
+    Raises:
+        InputError: RAW and developed photographs are mixed, or a file cannot be read.
+    """
+    raw = [path for path in photographs if is_raw(path)]
+    if not raw:
+        return None
+    if len(raw) < len(photographs):
+        other = next(path for path in photographs if not is_raw(path))
+        raise InputError(f"{other}: is no RAW file, but {raw[0].name} is; a shoot must be all of one kind")
+    found = np.array([_white_balance(path) for path in raw])
+    shared = np.exp(np.median(np.log(found), axis=0))
+    off = np.abs(np.log(found / shared)).max(axis=1)
+    if off.max() > _SAME_BALANCE:
+        name = raw[int(off.argmax())].name
+        warn(
+            f"{raw[0].parent}: the camera's white balance changes between the photographs, most in {name}, by "
+            f"{100 * np.expm1(off.max()):.0f} %; the median of all {len(raw)} is used for each"
+        )
+    return tuple(shared.tolist())
+
+
+def foreign_profile(path: Path) -> str | None:
+    """Name of a colour profile other than sRGB in a developed photograph; such profiles are not applied."""
+    from PIL import Image, ImageCms
+
+    if is_raw(path):
+        return None
+    try:
+        with Image.open(path) as image:
+            profile = image.info.get("icc_profile")
+        if not profile:
+            return None
+        name = ImageCms.getProfileDescription(ImageCms.ImageCmsProfile(io.BytesIO(profile))).strip()
+    except (OSError, SyntaxError, ImageCms.PyCMSError):
+        return None  # What cannot be read is reported where the pixels are.
+    return None if "srgb" in name.lower().replace(" ", "") else name
 
 
 def _read_developed(path: Path) -> Codes:
-    flags = cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
-    pixels = cv2.imread(str(path), flags)
-    if pixels is None:
-        raise InputError(f"{path}: not a readable image")
+    pixels = read_pixels(path, "image")
     if pixels.dtype not in (np.uint8, np.uint16):
         raise InputError(f"{path}: has {pixels.dtype} values; photographs have 8 or 16 bits")
-    return np.ascontiguousarray(pixels[:, :, ::-1])
+    if pixels.shape[2] < 3:  # Grey, and perhaps alpha.
+        return np.repeat(pixels[:, :, :1], 3, axis=2)
+    return np.ascontiguousarray(pixels[:, :, :3])
 
 
-def _read_raw(path: Path) -> Codes:
+def _read_raw(path: Path, white_balance: WhiteBalance | None) -> Codes:
+    with _opened(path) as raw:
+        import rawpy
+
+        balance = white_balance or _balance_of(raw)
+        return raw.postprocess(
+            gamma=(1, 1),
+            no_auto_bright=True,
+            adjust_maximum_thr=0.0,  # Else white is the brightest pixel, another one in every file.
+            output_bps=16,
+            user_wb=list(balance),
+            user_sat=_white_of_linear_rgb(raw, balance) if raw.raw_type == rawpy.RawType.Stack else None,
+            user_flip=0,
+            output_color=rawpy.ColorSpace.sRGB,
+        )
+
+
+def _white_of_linear_rgb(raw: Any, balance: WhiteBalance) -> int:
+    """White of a file of linear RGB above the black level of the channel that is multiplied least.
+
+    LibRaw subtracts the black levels, but reduces the white by none of them; what it calls white is greater than the
+    file's by as much as the first channel's black level is greater than the least one.
+    """
+    black = raw.black_level_per_channel[:3]
+    return int(raw.white_level - (black[0] - min(black)) - black[int(np.argmin(balance[:3]))])
+
+
+def _white_balance(path: Path) -> WhiteBalance:
+    with _opened(path) as raw:
+        return _balance_of(raw)
+
+
+def _balance_of(raw: Any) -> WhiteBalance:
+    """The camera's white balance, or that of daylight where it states none; the second green is the first where unset."""
+    camera = list(raw.camera_whitebalance)
+    chosen = camera if min(camera[:3]) > 0.0 else list(raw.daylight_whitebalance)
+    if not min(chosen[:3]) > 0.0:
+        chosen = [1.0, 1.0, 1.0, 1.0]
+    chosen[3] = chosen[3] if chosen[3] > 0.0 else chosen[1]
+    return tuple(value / chosen[1] for value in chosen)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
     rawpy = optional_package("rawpy", "capture")
     try:
         with rawpy.imread(str(path)) as raw:
-            return raw.postprocess(
-                gamma=(1, 1),
-                no_auto_bright=True,
-                output_bps=16,
-                use_camera_wb=True,
-                user_flip=0,
-                output_color=rawpy.ColorSpace.sRGB,
-            )
+            yield raw
     except rawpy.LibRawError as error:
-        raise InputError(f"{path}: LibRaw cannot read it ({error})") from error
+        raise InputError(
+            f"{path}: not a RAW file that LibRaw can read; it is damaged, cut off, or of an unknown camera"
+        ) from error

@@ -59,7 +59,9 @@ def read_project(path: Path) -> tuple[list[Lens], list[ControlPoint]]:
     try:
         return [_lens(values) for values in lenses], points
     except KeyError as error:
-        raise LightdepthError(f"{path}: Hugin's project file lacks or has an unknown value: {error}") from error
+        raise LightdepthError(
+            f"{path}: Hugin's project file lacks the value {error}, or it is an unknown one"
+        ) from error
 
 
 def angle_between(lenses: Sequence[Lens], point: ControlPoint, offset: float = 0.5) -> float:

@@ -18,6 +18,9 @@ from lightdepth.capture.stitching import Stitched
 from lightdepth.directions import pixel_solid_angles
 from lightdepth.images.writing import whole_file
 
+WRONG_POINT = 2.0
+"""Degrees between the two directions of a control point from which on it is reported."""
+
 
 def merge_report(merged: Merged, photographs: list[str], amounts: list[float], response_source: str) -> dict[str, Any]:
     """Numbers about a merged bracket."""
@@ -103,8 +106,21 @@ def stitch_report(shoot: Shoot, stitched: Stitched) -> dict[str, Any]:
 def warnings_of(shoot: Shoot, stitched: Stitched) -> list[str]:
     """What the user should look at."""
     found = list(shoot.warnings)
-    for index in stitched.unconnected:
-        found.append(f"{shoot.orientations[index].name}: no control points with the others; it keeps the rig's pose")
+    names = [orientation.name for orientation in shoot.orientations]
+    if len(stitched.unconnected) == len(names):
+        found.append("no control points were found: every image keeps the rig's pose, and the lens is as stated")
+    else:
+        for index in stitched.unconnected:
+            found.append(f"{names[index]}: no control points with the others; it keeps the rig's pose")
+    errors = control_point_errors(stitched.lenses, stitched.control_points)
+    wrong = int((errors > WRONG_POINT).sum())
+    if wrong:
+        first, second = stitched.control_points[int(errors.argmax())].images
+        found.append(
+            f"{names[first]}, {names[second]}: a control point is off by {errors.max():.1f} degrees ({wrong} of "
+            f"{errors.size} by more than {WRONG_POINT:g}): look for doubled edges where these images meet; wrong matches, "
+            "things that moved, and a camera that did not turn about its lens do this"
+        )
     for index, gain in enumerate(stitched.photometry.gains):
         stops = float(np.log2(gain).mean())
         if abs(stops) > 0.5:

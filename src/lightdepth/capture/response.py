@@ -94,8 +94,11 @@ def load_response(path: Path) -> Response:
         curves = np.array([document["exposure_by_reading"][name] for name in ("red", "green", "blue")], dtype=float)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: not a camera response as --save-response writes it ({error!r})") from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(
+            f"{path}: not a camera response as --save-response writes it: JSON with 'exposure_by_reading', which holds "
+            f"{LEVELS} numbers for each of 'red', 'green' and 'blue'"
+        ) from error
     if curves.shape != (3, LEVELS) or not np.isfinite(curves).all() or (np.diff(curves) < 0).any():
         raise InputError(f"{path}: each channel needs {LEVELS} finite, increasing values")
     return Response(curves)

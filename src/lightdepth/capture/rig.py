@@ -39,9 +39,8 @@ def parse_rig(text: str, count: int) -> Rig:
     if text in PRESETS:
         rig = PRESETS[text]
     else:
-        pairs = Path(text).read_text() if Path(text).is_file() else text
         try:
-            rig = [_orientation(pair) for pair in pairs.split()]
+            rig = [_orientation(pair) for pair in _pairs(text).split()]
         except ValueError as error:
             raise InputError(
                 f"--rig is '{text}'; allowed are {', '.join(PRESETS)}, pairs such as \"0,0 72,0 0,90\" "
@@ -50,6 +49,14 @@ def parse_rig(text: str, count: int) -> Rig:
     if len(rig) != count:
         raise InputError(f"--rig '{text}' has {len(rig)} orientations, but {count} were photographed; they must agree")
     return rig
+
+
+def _pairs(text: str) -> str:
+    """What the file of this name holds, or the text itself."""
+    try:
+        return Path(text).read_text(encoding="utf-8-sig") if Path(text).is_file() else text
+    except OSError:  # Many pairs make a longer name than a file may have.
+        return text
 
 
 def _orientation(pair: str) -> tuple[float, float, float]:

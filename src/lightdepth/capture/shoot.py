@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.capture.brackets import Bracket, brackets_in_folder, group_by_exposure
 from lightdepth.capture.exposure import Exposure, read_exposures
 from lightdepth.capture.fisheye import Circle, find_circle
 from lightdepth.capture.merging import Merged, Progress, merge, shared_response
-from lightdepth.capture.photograph import PHOTOGRAPHS, Codes, read_photograph
+from lightdepth.capture.photograph import (
+    PHOTOGRAPHS,
+    Codes,
+    WhiteBalance,
+    foreign_profile,
+    mirrored_back,
+    read_photograph,
+    shared_white_balance,
+)
 from lightdepth.capture.response import Response
 from lightdepth.capture.stitching import Orientation
 from lightdepth.errors import InputError
-from lightdepth.images.exr import read_exr
+from lightdepth.images.beauty import Beauty, read_beauty
 from lightdepth.images.radiance import READERS, read_radiance
 
 ROLLS = {3: 180.0, 6: 90.0, 8: -90.0}
@@ -121,6 +131,10 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
     for bracket in brackets:
         if len(bracket) < max(sizes):
             warnings.append(f"{bracket[0][0].name}: its bracket has {len(bracket)} of {max(sizes)} exposures")
+    white_balance = shared_white_balance([path for bracket in brackets for path, _ in bracket])
+    profile = foreign_profile(brackets[0][0][0])
+    if profile:
+        warnings.append(f"{brackets[0][0][0].name}: its colour profile '{profile}' is not applied; sRGB is assumed")
     response, source = options.response, "given"
     if response is None:
         response, source = shared_response(brackets, progress)
@@ -128,56 +142,84 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
         warnings.append("the camera's response is taken to be sRGB, for the photographs do not determine it")
     circle = options.circle
     if circle == "auto":
-        # One lens, one circle: the median of three brackets' is steadier than each one's own.
-        chosen = [brackets[index] for index in sorted({0, len(brackets) // 2, len(brackets) - 1})]
-        circles = [find_circle(_from_bright_to_dark(bracket)) for bracket in chosen]
-        circle = Circle(*np.median([(each.x, each.y, each.radius) for each in circles], axis=0).tolist())
+        circle = _common_circle([partial(_from_bright_to_dark, bracket, white_balance) for bracket in brackets])
     orientations = []
     for index, bracket in enumerate(brackets):
 
         def tick(what: str, done: int, total: int, index: int = index) -> None:
             progress(what, index * total + done, len(brackets) * total)
 
-        merged = merge(bracket, response, circle, options.align, options.deghost, upright=False, progress=tick)
+        merged = merge(bracket, response, circle, options.align, options.deghost, False, tick, white_balance)
         orientations.append(_orientation(bracket, merged, options.circle is None))
     names = [[path.name for path, _ in bracket] for bracket in brackets]
     return Shoot(orientations, response, source, names, brackets[0][0][1], warnings)
 
 
-def _from_bright_to_dark(bracket: Bracket) -> Iterator[Codes]:
+def _common_circle(views: Sequence[Callable[[], Iterable[Codes]]]) -> Circle:
+    """One lens, one circle: the median of three views' is steadier than each one's own.
+
+    Args:
+        views: give the photographs of each view from bright to dark; those that show no circle, such as black ones, are
+            passed over.
+
+    Raises:
+        InputError: no view shows a circle.
+    """
+    first = dict.fromkeys((0, len(views) // 2, len(views) - 1))
+    circles: list[Circle] = []
+    for index in [*first, *(other for other in range(len(views)) if other not in first)]:
+        try:
+            circles.append(find_circle(views[index]()))
+        except InputError:
+            continue
+        if len(circles) == 3:
+            break
+    if not circles:
+        return find_circle([])  # Which says so.
+    return Circle(*np.median([(each.x, each.y, each.radius) for each in circles], axis=0).tolist())
+
+
+def _from_bright_to_dark(bracket: Bracket, white_balance: WhiteBalance | None) -> Iterator[Codes]:
+    mirroring, _ = mirrored_back(bracket[0][1].orientation)
     for path, _ in sorted(bracket, key=lambda pair: -pair[1].amount):
-        yield read_photograph(path)
+        yield read_photograph(path, mirroring, white_balance)
 
 
 def _orientation(bracket: Bracket, merged: Merged, with_roll: bool) -> Orientation:
-    roll = ROLLS.get(bracket[0][1].orientation, 0.0) if with_roll else 0.0
+    roll = ROLLS.get(mirrored_back(bracket[0][1].orientation)[1], 0.0) if with_roll else 0.0
     return Orientation(bracket[0][0].name, merged.radiance, merged.seen, ~(merged.clipped | merged.black), roll)
 
 
 def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) -> Shoot:
-    orientations = []
+    pictures, warnings = [], []
     for index, path in enumerate(paths):
-        radiance = np.ascontiguousarray(np.nan_to_num(read_radiance(path), nan=0.0, posinf=0.0))
-        seen = np.ones(radiance.shape[:2], dtype=bool)
-        if path.suffix.lower() == ".exr":
-            alpha = read_exr(path)[0].channels.get("A")
-            seen = seen if alpha is None else alpha > 0.5
-        circle = options.circle
-        if circle == "auto" and seen.all():
-            circle = find_circle([_as_photograph(radiance)])
-        if isinstance(circle, Circle):
+        picture = read_beauty(path) if path.suffix.lower() == ".exr" else Beauty(read_radiance(path), None)
+        radiance = picture.radiance
+        finite: NDArray[np.bool_] = np.asarray(np.isfinite(radiance).all(axis=2))
+        if not finite.all():
+            warnings.append(f"{path.name}: {(~finite).sum()} pixels are not finite; they count as not photographed")
+            radiance = np.where(finite[..., None], radiance, np.float32(0.0))
+        pictures.append(
+            (radiance, finite if picture.alpha is None else finite & (picture.alpha > 0.5), picture.alpha is None)
+        )
+        progress("reading", index + 1, len(paths))
+    circle = options.circle
+    whole = [radiance for radiance, _, is_whole in pictures if is_whole]
+    if circle == "auto":  # What has an alpha was cut out already.
+        circle = _common_circle([partial(_as_photographs, each) for each in whole]) if whole else None
+    orientations = []
+    for path, (radiance, seen, is_whole) in zip(paths, pictures, strict=True):
+        if isinstance(circle, Circle) and (is_whole or options.circle != "auto"):
             left, top, side = circle.box()
             local = Circle(circle.x - left, circle.y - top, circle.radius)
             seen = circle.crop(seen) & local.inside(side, side)
             radiance = circle.crop(radiance)
-        orientations.append(
-            Orientation(path.name, radiance * seen[..., None], seen, np.asarray((radiance > 0.0).any(axis=2)))
-        )
-        progress("reading", index + 1, len(paths))
-    return Shoot(orientations, None, "HDR images", [[path.name] for path in paths])
+        reliable = np.asarray((radiance > 0.0).any(axis=2))
+        orientations.append(Orientation(path.name, radiance * seen[..., None], seen, reliable))
+    return Shoot(orientations, None, "HDR images", [[path.name] for path in paths], None, warnings)
 
 
-def _as_photograph(radiance: np.ndarray) -> np.ndarray:
-    """An HDR image as an overexposed photograph, for finding the circle."""
+def _as_photographs(radiance: np.ndarray) -> list[Codes]:
+    """An HDR image as one overexposed photograph, for finding the circle."""
     level = np.percentile(cv2.blur(radiance, (5, 5)), 60)
-    return np.clip(255.0 * np.sqrt(np.maximum(radiance, 0.0) / max(level, 1e-12)), 0, 255).astype(np.uint8)
+    return [np.clip(255.0 * np.sqrt(np.maximum(radiance, 0.0) / max(level, 1e-12)), 0, 255).astype(np.uint8)]

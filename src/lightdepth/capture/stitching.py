@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from lightdepth.capture import hugin, seams
-from lightdepth.capture.filling import fill, mark
 from lightdepth.capture.lens import Lens
 from lightdepth.capture.panorama import Panorama, blend, natural_width
 from lightdepth.capture.photometry import Photograph, Photometry, estimate_photometry
 from lightdepth.capture.project import ControlPoint, read_project
 from lightdepth.capture.rig import Rig
 from lightdepth.errors import InputError, LightdepthError
+from lightdepth.images.filling import fill, mark
 
 MATCHING_SIDES = (800, 2000)
 """Control points are looked for in images of at least and at most this size, in pixels."""
@@ -28,7 +28,7 @@ DISTRUST = 0.01
 """Weight of pixels that are clipped or black in every exposure: they count where nothing else does."""
 
 STEPS = 8
-"""How often ``progress`` is called."""
+"""How many steps ``progress`` counts."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,8 @@ def stitch(
     Args:
         orientations: images of the same size from the same lens.
         options: how.
-        progress: called with a step's name, its number and the number of steps.
+        progress: called with a step's name, its number and the number of steps; while control points are searched,
+            with how many images and pairs have been looked at, and how many there are.
 
     Raises:
         InputError: the images are too few, differ in size, or cannot be connected.
@@ -134,18 +135,29 @@ def stitch(
         names, scale = _write_matching_images(orientations, folder)
         rolls = [orientation.roll for orientation in orientations]
         matched_file, optimised_file = hugin.find_poses(
-            names, folder, options.projection, options.fov, options.rig, rolls, options.circular, tick
+            names,
+            folder,
+            options.projection,
+            options.fov,
+            options.rig,
+            rolls,
+            options.circular,
+            tick,
+            lambda done, total: progress("control points", done, total),
         )
         matched = len(read_project(matched_file)[1])
         small_lenses, small_points = read_project(optimised_file)
         lenses = [_enlarged(lens, scale, first.radiance.shape) for lens in small_lenses]
         points = [_enlarged_point(point, scale) for point in small_points]
-        unconnected = _unconnected(len(orientations), points)
+        groups = groups_of(len(orientations), points)
+        unconnected = _outside_the_largest(groups) if points else list(range(len(orientations)))
         if unconnected and options.rig is None:
             raise InputError(
                 f"{', '.join(orientations[index].name for index in unconnected)}: no control points with the other "
                 "images; leave them out, photograph with more overlap, or state the orientations by --rig"
             )
+        if options.rig is not None:
+            lenses = turned_to_the_rig(lenses, groups, options.rig)
         tick("vignetting and exposures")
         photographs = [
             Photograph(
@@ -189,7 +201,7 @@ def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[n
     if not seen.all():
         seen = cv2.erode(seen.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
     if not (seen & (small > 0.0)).any():
-        raise InputError(f"{orientation.name}: is black all over")
+        return np.full(small.shape, 128, dtype=np.uint8)  # Black all over: there is nothing to match.
     logarithm = np.log(np.maximum(small, small[seen & (small > 0.0)].min()))
     low, high = np.percentile(logarithm[seen], [0.5, 99.7])
     grey = np.clip(255.0 * (logarithm - low) / max(high - low, 1e-3), 0.0, 255.0).astype(np.uint8)
@@ -224,11 +236,43 @@ def _enlarged_point(point: ControlPoint, scale: float) -> ControlPoint:
     return ControlPoint(point.images, first, second)  # type: ignore[arg-type]
 
 
-def _unconnected(count: int, points: Sequence[ControlPoint]) -> list[int]:
-    """Images outside the largest group that control points connect."""
+def groups_of(count: int, points: Sequence[ControlPoint]) -> list[int]:
+    """For each of ``count`` images a number that it shares with all that control points connect it with."""
     group = list(range(count))
     for point in points:
         first, second = group[point.images[0]], group[point.images[1]]
         group = [first if label == second else label for label in group]
-    largest = max(set(group), key=group.count)
-    return [index for index, label in enumerate(group) if label != largest]
+    return group
+
+
+def _outside_the_largest(groups: Sequence[int]) -> list[int]:
+    largest = max(set(groups), key=groups.count)
+    return [index for index, label in enumerate(groups) if label != largest]
+
+
+def turned_to_the_rig(lenses: Sequence[Lens], groups: Sequence[int], rig: Rig) -> list[Lens]:
+    """Turn every group of images that nothing connects with the first one as a whole toward its orientations in the rig.
+
+    The first image keeps the rig's pose while poses are optimised, and its group with it; another group may be turned
+    by any angle then.
+
+    Args:
+        lenses: as they were optimised.
+        groups: from :func:`groups_of`.
+        rig: orientations of all images.
+    """
+    turned = list(lenses)
+    for label in set(groups) - {groups[0]}:
+        members = [index for index, own in enumerate(groups) if own == label]
+        if len(members) == 1:
+            continue  # Nothing has moved it.
+        stated = [
+            replace(lenses[index], yaw=rig[index][0], pitch=rig[index][1], roll=rig[index][2]).rotation
+            for index in members
+        ]
+        # The rotation nearest to all differences (Kabsch).
+        u, _, vt = np.linalg.svd(sum(to @ lenses[index].rotation.T for to, index in zip(stated, members, strict=True)))
+        turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
+        for index in members:
+            turned[index] = lenses[index].with_rotation(turn @ lenses[index].rotation)
+    return turned

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ SMALLEST_ROOM = 1.5
 """Metres along each axis: anything smaller that is closed is a thing, not a room."""
 
 
-def capture_point_problems(view: CaptureView, inside: Sequence[NDArray[np.floating]]) -> list[Problem]:
+def capture_point_problems(view: CaptureView, inside: Iterable[NDArray[np.floating]]) -> list[Problem]:
     """Find a capture point on a surface, inside a wall, or outside the room.
 
     Args:
@@ -59,7 +59,7 @@ def _in_a_wall(view: CaptureView) -> str | None:
     return None
 
 
-def _outside(view: CaptureView, inside: Sequence[NDArray[np.floating]]) -> str | None:
+def _outside(view: CaptureView, inside: Iterable[NDArray[np.floating]]) -> str | None:
     """Where another point is enclosed by the room, and the capture point is not; ``None`` if that is not so."""
     low, high = view.low, view.high
     seen = view.share(view.surface >= 0)

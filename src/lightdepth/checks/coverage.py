@@ -7,12 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import label
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.view import CaptureView
+from lightdepth.regions import connected_regions
 from lightdepth.scene.model import Scene
 
 SMALLEST_HOLE = 1e-4
@@ -103,7 +101,7 @@ def hole_problems(coverage: Coverage, unread: int = 0) -> list[Problem]:
 def _largest_hole(view: CaptureView, missing: NDArray[np.bool_], panorama_height: int) -> Hole | None:
     if not missing.any():
         return None
-    regions = _connected(missing)
+    regions, _ = connected_regions(missing)
     shares = np.bincount(regions.ravel(), weights=np.broadcast_to(view.solid_angles, regions.shape).ravel())
     shares[0] = 0.0
     inside = regions == np.argmax(shares)
@@ -123,20 +121,6 @@ def _largest_hole(view: CaptureView, missing: NDArray[np.bool_], panorama_height
         column=int((column + 0.5) * scale) if panorama_height else None,
         direction=(x, y, z),
     )
-
-
-def _connected(marked: NDArray[np.bool_]) -> NDArray[np.intp]:
-    """Numbers of connected regions, 0 where not marked; the panorama closes at its edge and at its poles."""
-    regions, count = label(marked)
-    seam = np.stack([regions[:, 0], regions[:, -1]], axis=1)
-    pairs = [seam[seam.all(axis=1)]]
-    for pole in (regions[0], regions[-1]):
-        touching = pole[pole > 0]
-        pairs.append(np.stack([touching, np.broadcast_to(touching[:1], touching.shape)], axis=1))
-    one, other = np.concatenate(pairs).T
-    meeting = coo_array((np.ones(len(one)), (one, other)), shape=(count + 1, count + 1))
-    # Number 0, what is not marked, meets nothing: it stays a component of its own, and the first.
-    return np.asarray(connected_components(meeting, directed=False)[1])[regions]
 
 
 def _surfaces(count: int) -> str:

@@ -3,20 +3,29 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
+from collections import OrderedDict
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from lightdepth.checks.cameras import camera_problems
 from lightdepth.checks.capture_point import capture_point_problems
 from lightdepth.checks.coverage import Coverage, hole_problems, measure_coverage
-from lightdepth.checks.objects import object_problems
+from lightdepth.checks.gloss import gloss_problems
+from lightdepth.checks.lights import light_problems
+from lightdepth.checks.objects import object_problems, standing_problems
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
+from lightdepth.checks.size import size_problems
 from lightdepth.checks.support import support_problems
-from lightdepth.checks.view import look_around
+from lightdepth.checks.view import CaptureView, look_around
 from lightdepth.errors import InputError, InputWarning
+from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.load import read_scene
 from lightdepth.scene.model import Scene
+
+KEPT = 2
+"""Places of which is kept what was found of them."""
 
 
 @dataclass(frozen=True)
@@ -55,44 +64,109 @@ def inspect_file(path: Path) -> Inspection:
     return Inspection(_worst_first([*unreadable, *unapplied, *found.problems]), found.coverage)
 
 
-def find_problems(scene: Scene) -> list[Problem]:
+def find_problems(scene: Scene, hints: bool = True) -> list[Problem]:
     """Find all that is wrong with a loaded scene, the worst first.
 
+    What concerns the place alone is looked at once for each of the places seen last.
+
+    Args:
+        scene: to be checked.
+        hints: also tell what may be an oversight, which takes a closer look.
+
     Raises:
         SetupError: rays cannot be cast, for libLLVM is missing.
     """
-    return list(inspect_scene(scene).problems)
+    found = inspect_scene(scene, hints).problems
+    return [problem for problem in found if hints or problem.severity is not Severity.HINT]
 
 
-def inspect_scene(scene: Scene) -> Inspection:
+def inspect_scene(scene: Scene, hints: bool = True) -> Inspection:
     """Run all checks and measure the coverage.
 
+    Args:
+        scene: to be checked.
+        hints: with the checks of objects that give nothing but hints.
+
     Raises:
         SetupError: rays cannot be cast, for libLLVM is missing.
     """
-    found = _inspect(scene)
+    found = _inspect(scene, hints=hints)
     if found.coverage is not None:
         return found
     message = "[[real]]: there is no real geometry: give meshes of the place, or the depth of the panorama"
     return Inspection((Problem(Severity.ERROR, message), *found.problems), None)
 
 
-def _inspect(scene: Scene, unread: int = 0) -> Inspection:
-    """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
-    problems = radiance_problems(scene.panorama)
+def forget_checked_places() -> None:
+    """Free what is kept of the places that were checked last."""
+    _checked.clear()
+
+
+@dataclass(frozen=True)
+class _CheckedPlace:
+    """What is found of a place without its objects.
+
+    Attributes:
+        view: what the capture point sees; ``None`` where the place has no geometry at all.
+        coverage: likewise.
+        radiance: what is wrong with the panorama.
+        others: what is wrong with the rest, where the capture point is right.
+        objects: what is wrong with objects that were looked at in it, by their digest.
+    """
+
+    view: CaptureView | None
+    coverage: Coverage | None
+    radiance: tuple[Problem, ...]
+    others: tuple[Problem, ...]
+    objects: dict[str, list[Problem]] = field(default_factory=dict)
+
+
+_checked: OrderedDict[str, _CheckedPlace] = OrderedDict()
+
+
+def _checked_place(scene: Scene, unread: int) -> _CheckedPlace:
+    key = digest(place_digest(scene), str(scene.panorama.path), unread)
+    checked = _checked.pop(key, None) or _check_place(scene, unread)
+    _checked[key] = checked
+    while len(_checked) > KEPT:
+        _checked.popitem(last=False)
+    return checked
+
+
+def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
+    radiance = tuple(radiance_problems(scene.panorama))
     if not scene.real and scene.panorama.depth is None:
-        return Inspection(tuple(problems), None)
+        return _CheckedPlace(None, None, radiance, ())
     view = look_around(scene)
     coverage = measure_coverage(view, scene)
+    others = hole_problems(coverage, unread)
+    if not capture_point_problems(view, ()):  # Seen from a wrong point, everything else looks wrong as well.
+        others += [problem for surface in scene.real for problem in support_problems(surface, view)]
+        others += light_problems(scene, view)
+        others += gloss_problems(scene)
+    return _CheckedPlace(view, coverage, radiance, tuple(others))
+
+
+def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
+    """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
+    checked = _checked_place(scene, unread)
+    problems = [*checked.radiance, *size_problems(scene.synthetic)]
+    if checked.view is None:
+        return Inspection(tuple(problems), None)
     misplaced: list[Problem] = []
     if scene.real:
-        misplaced = capture_point_problems(view, [object_mesh(t).vertices.mean(axis=0) for t in scene.synthetic])
+        misplaced = capture_point_problems(
+            checked.view, (object_mesh(thing).vertices.mean(axis=0) for thing in scene.synthetic)
+        )
     problems += misplaced
-    if not misplaced:  # Seen from a wrong point, everything else looks wrong as well.
-        problems += hole_problems(coverage, unread)
-        problems += [problem for surface in scene.real for problem in support_problems(surface, view)]
-        problems += object_problems(scene.synthetic, view) if scene.real else []
-    return Inspection(_worst_first(problems), coverage)
+    if not misplaced:
+        problems += checked.others
+        if scene.real:
+            problems += object_problems(scene.synthetic, checked.view, checked.objects)
+            problems += camera_problems(scene, checked.view)
+        if scene.real and hints:
+            problems += standing_problems(scene.synthetic, checked.view)
+    return Inspection(_worst_first(problems), checked.coverage)
 
 
 def _worst_first(problems: list[Problem]) -> tuple[Problem, ...]:

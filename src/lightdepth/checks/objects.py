@@ -12,6 +12,7 @@ from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.sampling import hidden, object_mesh, surface_points
 from lightdepth.checks.view import CaptureView, enclosure
 from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.scene.identity import digest
 from lightdepth.scene.model import Mesh, SyntheticObject
 
 DELIBERATE_GAP = 0.3
@@ -23,12 +24,37 @@ MOSTLY_CLOSED = 2 / 3
 the rest is declared sky, from ``CLOSED`` on."""
 MUCH_LESS = 0.75
 """An object that is enclosed by less than this part of what encloses the capture point is not in the same room."""
+POINTS = 400
+"""Points on each object that are looked at."""
+MOST_KNOWN = 256
+"""Objects of which is kept what was found of them in a place."""
 COPLANAR = 0.0005
 """Metres between faces that compete for being in front."""
 
 
-def object_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> list[Problem]:
-    """Find objects outside the room or hidden, floating or sunk, and faces that coincide with real ones.
+def object_problems(
+    objects: Sequence[SyntheticObject], view: CaptureView, known: dict[str, list[Problem]]
+) -> list[Problem]:
+    """Find objects outside the room or hidden, and faces that coincide with real ones.
+
+    Args:
+        objects: the new objects.
+        view: what the capture point sees.
+        known: what was found of objects in this place before, by their digest; it is added to.
+    """
+    problems = []
+    while len(known) > MOST_KNOWN:
+        known.pop(next(iter(known)))
+    for thing in objects:
+        key = digest(thing)
+        if key not in known:
+            known[key] = _problems_of(thing, view)
+        problems += known[key]
+    return problems
+
+
+def standing_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> list[Problem]:
+    """Find objects that float above what is under them, or sink into it: hints, for either may be meant.
 
     Args:
         objects: the new objects.
@@ -38,17 +64,26 @@ def object_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> li
     meshes = [object_mesh(thing) for thing in objects]
     others = RayCaster(meshes)
     for number, (thing, mesh) in enumerate(zip(objects, meshes, strict=True)):
-        points, normals = surface_points(mesh.vertices, mesh.faces, 400)
-        if not len(points):
-            continue
-        found = [_out_of_sight(points, view, _is_lamp(thing))]
-        if found[0] is None:
-            found = [_standing(mesh, number, others, view), _coinciding(points, normals, view)]
-        problems += [Problem(p.severity, f'[[synthetic]] "{thing.name}": {p.message}') for p in found if p is not None]
+        points, _ = surface_points(mesh.vertices, mesh.faces, POINTS)
+        if len(points) and _out_of_sight(points, view, is_lamp(thing)) is None:
+            problems += _named(thing, _standing(mesh, number, others, view))
     return problems
 
 
-def _is_lamp(thing: SyntheticObject) -> bool:
+def _problems_of(thing: SyntheticObject, view: CaptureView) -> list[Problem]:
+    mesh = object_mesh(thing)
+    points, normals = surface_points(mesh.vertices, mesh.faces, POINTS)
+    if not len(points):
+        return []
+    return _named(thing, _out_of_sight(points, view, is_lamp(thing)) or _coinciding(points, normals, view))
+
+
+def _named(thing: SyntheticObject, problem: Problem | None) -> list[Problem]:
+    return [] if problem is None else [Problem(problem.severity, f'[[synthetic]] "{thing.name}": {problem.message}')]
+
+
+def is_lamp(thing: SyntheticObject) -> bool:
+    """Whether an object gives light."""
     return any("emitter" in part.material.plugins() for part in thing.parts)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
@@ -55,11 +57,20 @@ def object_mesh(thing: SyntheticObject) -> Mesh:
 
 
 def _mesh_of(shape: AnalyticShape) -> Mesh:
-    """A shape of unit size as Mitsuba defines it: from -1 to 1, the cylinder open and from z = 0 to 1."""
+    """A shape in its place."""
+    vertices, faces = _unit_mesh(shape.kind)
+    placed = vertices @ shape.to_world[:3, :3].T + shape.to_world[:3, 3]
+    mirrored = np.linalg.det(shape.to_world[:3, :3]) < 0.0
+    return Mesh(placed.astype(np.float32), faces[:, ::-1] if mirrored else faces)
+
+
+@cache
+def _unit_mesh(kind: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    """Vertices and faces of a shape of unit size as in Mitsuba: from -1 to 1, the cylinder open and from z = 0 to 1."""
     angle = 2.0 * np.pi * np.arange(96) / 96
     rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(96)], axis=1)
     here, after = np.arange(96), np.roll(np.arange(96), -1)
-    match shape.kind:
+    match kind:
         case "sphere":
             unit = trimesh.creation.uv_sphere(radius=1.0, count=[48, 96])
         case "cube":
@@ -75,5 +86,4 @@ def _mesh_of(shape: AnalyticShape) -> Mesh:
         case _:
             square = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
             unit = trimesh.Trimesh(square, [[0, 1, 2], [0, 2, 3]], process=False)
-    unit.apply_transform(shape.to_world)
-    return Mesh(np.asarray(unit.vertices, dtype=np.float32), np.asarray(unit.faces, dtype=np.int32))
+    return np.asarray(unit.vertices, np.float64), np.asarray(unit.faces, np.int32)

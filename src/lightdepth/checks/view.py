@@ -76,10 +76,10 @@ def look_around(scene: Scene) -> CaptureView:
 
 def enclosure(caster: RayCaster, point: NDArray[np.floating], count: int = 2000) -> float:
     """Share of directions from a point that meet a real surface: 1 in a closed room, at most one half beside it."""
-    return float(np.mean(np.isfinite(caster.cast(point, _sphere(count)).distance)))
+    return float(np.mean(np.isfinite(caster.cast(point, sphere(count)).distance)))
 
 
-def _sphere(count: int) -> NDArray[np.float64]:
+def sphere(count: int) -> NDArray[np.float64]:
     """Evenly spread unit vectors, shape (count, 3): the Fibonacci lattice."""
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     phi = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)

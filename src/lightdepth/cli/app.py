@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import warnings
 from importlib import metadata
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 from rich.console import Console
 
 from lightdepth.cli import capture
+from lightdepth.cli.cache import cache
 from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
+from lightdepth.cli.merge import merge
+from lightdepth.cli.new import new
+from lightdepth.cli.preview import preview
 from lightdepth.cli.reconstruct import app as reconstruct
+from lightdepth.cli.recover import app as recover
 from lightdepth.cli.render import render
+from lightdepth.cli.serve import serve
+from lightdepth.cli.where import where
 from lightdepth.errors import InputWarning, LightdepthError
 
 app = typer.Typer(
@@ -31,19 +39,35 @@ app = typer.Typer(
 @app.callback()
 def _options(
     version: Annotated[bool, typer.Option("--version", is_eager=True, help="Print the version and exit.")] = False,
+    log_level: Annotated[
+        Literal["debug", "info", "warning", "error"] | None,
+        typer.Option(help="Log what is done to standard error; nothing by default."),
+    ] = None,
 ) -> None:
+    if log_level is not None:
+        logger, handler = logging.getLogger("lightdepth"), logging.StreamHandler()
+        handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s %(message)s"))
+        logger.addHandler(handler)
+        logger.setLevel(log_level.upper())
     if version:
         typer.echo(metadata.version("lightdepth"))
         raise typer.Exit
 
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
+app.command()(new)
 app.add_typer(capture.app, name="capture")
+app.command()(preview)
 app.command()(calibrate)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
+app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)
+app.command(context_settings={"ignore_unknown_options": True})(where)  # Points may begin with a minus.
 app.command()(check)
 app.command()(render)
+app.command()(merge)
+app.command()(serve)
+app.command()(cache)
 app.command()(doctor)
 
 

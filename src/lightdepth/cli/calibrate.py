@@ -12,8 +12,12 @@ if TYPE_CHECKING:
     from lightdepth.calibration.solve import Calibration
 
 
+SURE = 0.5
+"""Confidence of the automatic directions from which they are written into a scene file."""
+
+
 def calibrate(
-    panorama: Annotated[Path, typer.Argument(help="The panorama: .exr or .hdr, 360 x 180 degrees.")],
+    panorama: Annotated[Path, typer.Argument(help="The panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
     rectangle: Annotated[
         str | None,
         typer.Option(
@@ -37,6 +41,14 @@ def calibrate(
             help='Two points of a plumb edge, far apart: "x,y x,y". Repeat it; three or more where no other option '
             "gives the level.",
             metavar="POINTS",
+        ),
+    ] = None,
+    scale_from: Annotated[
+        str | None,
+        typer.Option(
+            help='Instead of the height, a known length: "x,y x,y = 2.0 m", from the foot of a plumb edge (a door) to its '
+            "top, or between two points on the floor.",
+            metavar="POINTS=M",
         ),
     ] = None,
     heading: Annotated[
@@ -78,7 +90,8 @@ def calibrate(
         ),
     ] = None,
     write: Annotated[
-        Path | None, typer.Option(help="Scene file to write the pose into; all else in it stays.", metavar="SCENE")
+        Path | None,
+        typer.Option(help="Scene file to write the pose into, or to begin; the rest stays.", metavar="SCENE"),
     ] = None,
     picture: Annotated[
         Path | None,
@@ -90,6 +103,7 @@ def calibrate(
 
     Give what you know, several things at once if you can: a rectangle on the
     floor with one known length, plumb edges, a heading, or --auto for a room.
+    With the camera's height (or --scale-from) alone, the panorama is taken as level.
     Look at the check picture before you trust the result.
 
     With a rug of 2 by 3 metres, clicked at its corners:
@@ -103,18 +117,22 @@ def calibrate(
     lightdepth calibrate lounge.exr --auto --camera-height 1.6 --picture check.png
     """
     import math
+    from dataclasses import replace
+
+    import numpy as np
 
     from lightdepth.calibration.arcs import Arcs
     from lightdepth.calibration.check_picture import draw_check_picture
     from lightdepth.calibration.clicks import read_clicks
     from lightdepth.calibration.rectangle import FloorRectangle
+    from lightdepth.calibration.scale import height_from_length, read_known_length
     from lightdepth.calibration.scene_file import write_pose
     from lightdepth.calibration.snapping import snap_rectangle
-    from lightdepth.calibration.solve import Cues
+    from lightdepth.calibration.solve import Cues, taken_as_level
     from lightdepth.calibration.solve import calibrate as solve
     from lightdepth.errors import InputError
+    from lightdepth.images.panorama_file import read_panorama
     from lightdepth.images.png import write_png
-    from lightdepth.images.radiance import read_radiance
     from lightdepth.images.validation import validate_panorama
     from lightdepth.images.writing import check_writable
 
@@ -128,38 +146,59 @@ def calibrate(
         if picture.suffix.lower() != ".png":
             raise InputError(f"--picture {picture}: the check picture is a .png file")
         check_writable(picture)
+    if scale_from is not None and (camera_height is not None or rectangle is not None):
+        raise InputError("--scale-from gives the camera's height: leave out --camera-height and --rectangle")
+    if write is not None:
+        check_writable(write)
+        if not write.exists():
+            typer.echo(f"{write} does not exist and will be begun with this panorama", err=True)
 
-    radiance = validate_panorama(read_radiance(panorama), panorama, repair=True)
+    image = read_panorama(panorama)
+    radiance = validate_panorama(image.radiance, panorama, repair=True)
     size = None if angles else (radiance.shape[0], radiance.shape[1])
     corners = read_clicks(rectangle, size, "--rectangle", 4) if rectangle is not None else None
     verticals = [read_clicks(text, size, "--vertical", 2) for text in vertical or []]
     toward = read_clicks(heading, size, "--heading", 1)[0] if heading is not None else None
     if click_error is None:
         click_error = 0.2 if angles else 1.0
+    known = read_known_length(scale_from, size) if scale_from is not None else None
     click_degrees = click_error * (1.0 if angles else 360.0 / radiance.shape[1])
     floor = FloorRectangle(corners, width, length) if corners is not None else None
     unmoved: list[str] = []
     if snap and floor is not None:
         floor, unmoved = snap_rectangle(radiance, floor, camera_height, click_degrees)
     room = _find_room(radiance, show_progress=not json_output) if auto else None
-    result = solve(
-        Cues(
-            rectangle=floor,
-            verticals=Arcs(verticals) if verticals else None,
-            heading=toward,
-            bearing=bearing,
-            room=room,
-            camera_height=camera_height,
-            click_error=click_degrees,
-        ),
-        origin,
-    )
+    alone = floor is None and room is None and not verticals
+    if alone and (camera_height is not None or known is not None):
+        result = taken_as_level(image.rotation, camera_height, toward, bearing)
+    else:
+        result = solve(
+            Cues(
+                rectangle=floor,
+                verticals=Arcs(verticals) if verticals else None,
+                heading=toward,
+                bearing=bearing,
+                room=room,
+                camera_height=camera_height,
+                click_error=click_degrees,
+            ),
+            origin,
+        )
+    if known is not None:
+        result = replace(result, position=np.array([0.0, 0.0, height_from_length(known, result.rotation)]))
     report = _report(result)
-    report["warnings"] += unmoved
+    report["warnings"] += unmoved + list(image.notes)
     if write is not None:
-        image = write_pose(write, report["rotation"], report["position"])
-        if image.resolve() != panorama.resolve():
-            report["warnings"].append(f"{write}: its panorama is {image}, not {panorama}")
+        sure = not (room is not None and room.confidence < SURE and floor is None and len(verticals) < 3)
+        named = write_pose(write, report["rotation"] if sure else None, report["position"], panorama)
+        if not sure:
+            numbers = ", ".join(f"{angle:g}" for angle in report["rotation"])
+            report["warnings"].append(
+                f"{write}: the rotation is too uncertain and was not written; where the check picture is right, write "
+                f"`rotation = [{numbers}]` yourself"
+            )
+        if named.resolve() != panorama.resolve():
+            report["warnings"].append(f"{write}: its panorama is {named}, not {panorama}")
     if picture is not None:
         clicks = [points.reshape(-1, 3) for points in (corners, *verticals, toward) if points is not None]
         write_png(picture, draw_check_picture(radiance, result, room, clicks))
@@ -192,7 +231,7 @@ def _report(result: Calibration) -> dict[str, Any]:
         "position": [rounded(metres) for metres in result.position] if result.position is not None else None,
         "residual": rounded(result.residual),
         "residuals": {cue: rounded(value) for cue, value in result.residuals.items()},
-        "expected_error": rounded(result.expected_error),
+        "expected_error": None if result.expected_error is None else rounded(result.expected_error),
         "tilt": rounded(result.tilt),
         "rectangle_size": [rounded(metres) for metres in result.rectangle_size] if result.rectangle_size else None,
         "confidence": rounded(result.confidence) if result.confidence is not None else None,
@@ -224,8 +263,12 @@ def _print(report: dict[str, Any], as_json: bool) -> None:
         table.add_row("rectangle", numbers(report["rectangle_size"], 3), "metres, width and length")
     table.add_row("tilt", f"{report['tilt']:.2f}", "degrees from the panorama's zenith")
     cues = ", ".join(f"{name} {value:.3f}" for name, value in report["residuals"].items())
-    table.add_row("residual", f"{report['residual']:.3f}", f"degrees ({cues})")
-    table.add_row("expected error", f"{report['expected_error']:.2f}", "degrees, one standard deviation")
+    if cues:
+        table.add_row("residual", f"{report['residual']:.3f}", f"degrees ({cues})")
+    if report["expected_error"] is None:
+        table.add_row("expected error", "unknown", "the rotation was not measured")
+    else:
+        table.add_row("expected error", f"{report['expected_error']:.2f}", "degrees, one standard deviation")
     if report["confidence"] is not None:
         table.add_row("confidence", f"{report['confidence']:.2f}", "of the automatic directions, 0 to 1")
     Console(highlight=False).print(table)

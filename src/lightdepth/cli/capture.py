@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 
 if TYPE_CHECKING:
     from lightdepth.capture.fisheye import Circle
@@ -55,11 +55,15 @@ def merge(
     from lightdepth.capture.merging import merge as merge_bracket
     from lightdepth.capture.merging import shared_response
     from lightdepth.capture.output import check_output, write_image
+    from lightdepth.capture.photograph import foreign_profile
     from lightdepth.capture.report import merge_report, write_report
     from lightdepth.capture.response import load_response
     from lightdepth.capture.response import save_response as save
 
     check_output(output, save_response, report)
+    profile = foreign_profile(photographs[0])
+    if profile:
+        warn(f"{photographs[0]}: its colour profile '{profile}' is not applied; sRGB is assumed")
     bracket = list(zip(photographs, read_exposures(photographs, exposures), strict=True))
     given = load_response(response) if response else None
     with _progress() as progress:
@@ -169,10 +173,28 @@ def stitch(
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, int, int], None]]:
+    """A bar on a terminal; elsewhere, as in a log, a line for every step and every tenth of one."""
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield _log_lines(console)
+        return
     columns = (TextColumn("{task.description:28}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Progress(*columns, console=console, transient=True) as bar:
         task = bar.add_task("reading")
         yield lambda what, done, total: bar.update(task, description=what, completed=done, total=total)
+
+
+def _log_lines(console: Console) -> Callable[[str, int, int], None]:
+    written: tuple[str, int] | None = None
+
+    def progress(what: str, done: int, total: int) -> None:
+        nonlocal written
+        now = (what, 10 * done // max(total, 1))
+        if now != written:
+            console.print(f"{what}: {done} of {total}", highlight=False, markup=False)
+            written = now
+
+    return progress
 
 
 def _circle(text: str | None) -> Circle | str | None:

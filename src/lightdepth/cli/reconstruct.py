@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -48,7 +48,7 @@ Rotation = Annotated[
 ]
 Panorama = Annotated[
     Path | None,
-    typer.Option("--panorama", help="The panorama (.exr, .hdr), or the scene file (.toml) that gives it and its pose."),
+    typer.Option("--panorama", help="The panorama, or the scene file (.toml) that gives it and its pose."),
 ]
 FloorTolerance = Annotated[
     float, typer.Option(min=0.001, help="Farthest that a floor point lies from its plane, metres.")
@@ -58,9 +58,7 @@ NoFloor = Annotated[bool, typer.Option("--no-floor", help="Look for no floor; ev
 
 @app.command()
 def layout(
-    source: Annotated[
-        Path, typer.Argument(metavar="PANORAMA|SCENE", help="Panorama (.exr, .hdr) or scene file (.toml).")
-    ],
+    source: Annotated[Path, typer.Argument(metavar="PANORAMA|SCENE", help="Panorama or scene file (.toml).")],
     output: Output,
     floor: Annotated[
         str | None, typer.Option("--floor", metavar='"X,Y X,Y ..."', help="The floor's corners, in order around it.")
@@ -126,6 +124,13 @@ def layout(
     if not outdoor and (ceiling is None) == (ceiling_corner is None):
         raise InputError("give either --ceiling (metres) or --ceiling-corner (one click)")
     place = read_place(source, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height)
+    if camera_height is not None and abs(place.pose.position[2] - camera_height) > 1e-6:
+        floor_level = place.pose.position[2] - camera_height
+        typer.echo(
+            f"warning: the pose puts the capture point at height {place.pose.position[2]:g} m, --camera-height says "
+            f"{camera_height:g} m: the floor comes to lie at height {floor_level:.3g} m instead of 0",
+            err=True,
+        )
     surfaces = surfaces_from_layout(
         Clicked(floor, ceiling_corner, box or [], table or [], panel or []),
         place,
@@ -139,15 +144,19 @@ def layout(
 
 @app.command()
 def from_depth(
-    depth: Annotated[
-        Path, typer.Argument(help="Equirectangular distances: .exr (channel Z, Y or R), 16-bit .png, .npy.")
-    ],
+    depth: Annotated[Path, typer.Argument(help="Equirectangular distances: .exr (channel Z), 16-bit .png, .npy.")],
     output: Output,
     panorama: Panorama = None,
     scale: Annotated[
-        float | None, typer.Option(min=1e-9, help="Metres per unit of the file; a PNG must have it.")
+        float | None, typer.Option(min=1e-9, help="Metres per unit of the file; whole numbers must have it.")
+    ] = None,
+    channel: Annotated[str | None, typer.Option(help="Of an OpenEXR file; found by default.")] = None,
+    kind: Annotated[
+        Literal["ray", "z", "disparity"] | None,
+        typer.Option(help="Distances along the ray (the default), along the viewing axis, or reciprocal ones."),
     ] = None,
     sky: Annotated[bool, typer.Option("--sky", help="What was not measured is sky, not a hole.")] = False,
+    sky_beyond: Annotated[float | None, typer.Option(min=0.0, help="Distances from here on are sky, metres.")] = None,
     max_width: Annotated[int, typer.Option(min=64, max=4096, help="Wider images are reduced to this.")] = 1024,
     floor_tolerance: FloorTolerance = 0.03,
     no_floor: NoFloor = False,
@@ -171,7 +180,7 @@ def from_depth(
     from lightdepth.reconstruction.result import closed
 
     place = read_place(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
-    image = read_depth_image(depth, scale, sky)
+    image = read_depth_image(depth, scale, sky, kind, sky_beyond, channel)
     with _progress() as progress:
         task = progress.add_task("Meshing the depth", total=1.0)
         measured = surfaces_from_depth(
@@ -256,8 +265,8 @@ def lights(
 ) -> None:
     """The strongest sources of light: where they are in metres, their size and share of the light.
 
-    This is how you check that the lamps are where the lamps are. A source in the sky has a direction and a size in
-    degrees.
+    This is how you check that the lamps are where the lamps are. A source in the sky has a direction (azimuth clockwise
+    of the world's y axis, elevation above the horizon) and a size in degrees.
 
     Example: lightdepth reconstruct lights lounge.toml --picture lights.png --table lights.csv
     """
@@ -308,9 +317,11 @@ def _lights_table(sources: Sequence[Source]) -> Table:
         column.justify = "right"
     for number, item in enumerate(sources, start=1):
         if item.position is None:
-            where, distance, unit = ["sky", *("-" * 2)], "-", "deg"
+            where, unit = ["sky", f"az {item.azimuth:.1f}", f"el {item.elevation:.1f}"], "deg"
+            distance = "-"
         else:
-            where, distance, unit = [f"{x:.2f}" for x in item.position], f"{item.distance:.2f}", "m"
+            where, unit = [f"{x:.2f}" for x in item.position], "m"
+            distance = f"{item.distance:.2f}"
         size = f"{item.size[0]:.2f} x {item.size[1]:.2f} {unit}"
         shown.add_row(str(number), *where, distance, size, f"{100 * item.share:.1f} %", f"{item.luminance:.4g}")
     return shown
@@ -335,6 +346,8 @@ def _finish(
     from lightdepth.reconstruction.result import save
 
     save(result, place, folder, scene, picture)
+    for note in place.notes:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(f"warning: {note}", style="yellow", markup=False)
     report = result.as_dict(folder)
     if as_json:
         typer.echo(json.dumps(report, indent=2))

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import sys
-import time
-from collections.abc import Callable
-from functools import partial
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,9 +16,8 @@ from lightdepth.errors import InputError
 from lightdepth.files import exists
 
 if TYPE_CHECKING:
-    from lightdepth.film.frame import Frame
-    from lightdepth.film.rendering import Progress as Step
-    from lightdepth.film.rendering import Rendering
+    from lightdepth.session.events import Done, Event
+    from lightdepth.session.session import Job, Session
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
@@ -45,14 +41,25 @@ def render(
         bool, typer.Option("--draft", help="A quick look: one sample, light known roughly, no layers.")
     ] = False,
     exposure: Annotated[
-        float | None, typer.Option(help="Exposure of the PNG in stops; from the photograph by default.")
-    ] = None,
+        float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
+    ] = 0.0,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
     ] = None,
+    no_cache: Annotated[
+        bool, typer.Option("--no-cache", help="Neither use nor fill the cache of prepared places.")
+    ] = False,
     repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
-    progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is told.")] = "bar",
+    progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is reported.")] = "bar",
+    region: Annotated[str | None, typer.Option(help="Finish this part first: left,top,right,bottom in pixels.")] = None,
+    share: Annotated[
+        str | None, typer.Option(help="Do a part of the work, as 2/4; writes sums for `lightdepth merge`.")
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint beside the output.")] = False,
+    checkpoint_seconds: Annotated[
+        float | None, typer.Option(min=0.0, help="Seconds between two checkpoints; 30 by default.")
+    ] = None,
     preview_seconds: Annotated[
         float | None, typer.Option(min=0.1, help="Write the unfinished picture every so many seconds.")
     ] = None,
@@ -60,118 +67,136 @@ def render(
     """Render new objects into the photographed place.
 
     Writes the linear HDR picture with its layers as OpenEXR, and a tone-mapped PNG beside it. Ctrl-C writes what has
-    been rendered so far.
+    been rendered so far. A long rendering keeps a checkpoint beside the output, from which `--resume` goes on.
 
     Example: lightdepth render examples/lounge/scene.toml --camera view -o out/view.exr --samples 64
     """
-    from lightdepth.api import begin_rendering, forget_prepared, load_scene
-    from lightdepth.film.layers import AUXILIARY, LAYERS
+    from lightdepth.api import load_scene
+    from lightdepth.film.checkpoint import checkpoint_beside
+    from lightdepth.film.sums import Share
     from lightdepth.packages import require_package
+    from lightdepth.session.displays import ExrDisplay, PngDisplay
+    from lightdepth.session.session import CHECKPOINT_SECONDS, Job, Session
 
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
-    layers = layers or ("none" if draft else "all")
-    chosen = {"all": None, "none": []}.get(layers, [layer.strip() for layer in layers.split(",")])
-    unknown = [layer for layer in chosen or [] if layer not in LAYERS]
-    if unknown:
-        raise InputError(f"--layers: '{unknown[0]}' is unknown; allowed are all, none, {', '.join(LAYERS)}")
-    with _Interruption() as interruption:
+    chosen = chosen_layers(layers or ("none" if draft else "all"))
+    part = Share() if share is None else Share.parse(share)
+    with Interruption() as interruption:
         try:
             loaded = load_scene(scene, repair)
             name = camera or next(iter(loaded.cameras))
-            target = output or Path(f"{scene.stem}-{name}.exr")
-            _check_output(target)
-            teller = _Teller(progress, target)
-            teller.say("preparing")
-            begin = partial(begin_rendering, loaded, name, method, seed, device, teller.warn, draft)
-            show = partial(_show, teller, target, exposure)
-            auxiliary = denoise or chosen is None or not AUXILIARY.isdisjoint(chosen)
-
-            def complete(rendering: Rendering, watch: Callable[[Step], bool]) -> Frame:
-                return rendering.complete(samples, noise, watch, auxiliary)
-
-            frame, panoramic = _rendered(begin, complete, teller, interruption, show, preview_seconds)
-            interrupted = interruption.asked
-            forget_prepared()  # To write a large picture takes memory as well.
-            if denoise:
-                from lightdepth.film.denoising import denoise as denoised
-
-                frame = denoised(frame, panoramic)
-            _write(target, frame, panoramic, chosen, exposure)
+            target = output or Path(f"{scene.stem}-{name}{'.exr' if share is None else '.sums'}")
+            files = [target] if share is not None else [target, target.with_suffix(".png")]
+            check_output(target, files, ".exr" if share is None else ".sums")
+            job = Job(
+                camera=name,
+                samples=samples,
+                noise=noise,
+                method=method,
+                seed=seed,
+                draft=draft,
+                denoise=denoise,
+                region=None if region is None else parsed_region(region),
+                share=part,
+                sums=None if share is None else target,
+                checkpoint=checkpoint_beside(target),
+                checkpoint_seconds=CHECKPOINT_SECONDS if checkpoint_seconds is None else checkpoint_seconds,
+                resume=resume,
+                preview_seconds=preview_seconds,
+                cache=not no_cache,
+            )
+            session = Session(loaded, device, keep=False)
+            if share is None:
+                session.display(ExrDisplay(target, chosen))
+                session.display(PngDisplay(files[1], exposure))
+            with Reporter(progress, files, exposure) as reporter:
+                run(session, job, reporter, interruption)
         except KeyboardInterrupt:
             when = (
                 "again; the picture was not finished" if interruption.wait else "while preparing; nothing was written"
             )
             Console(stderr=True).print(f"interrupted {when}", style="yellow")
             raise typer.Exit(INTERRUPTED) from None
-    teller.done(interrupted)
-    if interrupted:
+
+
+def chosen_layers(layers: str) -> list[str] | None:
+    """Names of layers out of the option ``--layers``; ``None`` for all.
+
+    Raises:
+        InputError: one of them is unknown.
+    """
+    from lightdepth.film.layers import LAYERS
+
+    chosen = {"all": None, "none": []}.get(layers, [layer.strip() for layer in layers.split(",")])
+    unknown = [layer for layer in chosen or [] if layer not in LAYERS]
+    if unknown:
+        raise InputError(f"--layers: '{unknown[0]}' is unknown; allowed are all, none, {', '.join(LAYERS)}")
+    return chosen
+
+
+def parsed_region(text: str) -> tuple[int, int, int, int]:
+    """The option ``--region``.
+
+    Raises:
+        InputError: it is not four whole numbers.
+    """
+    numbers = [part.strip() for part in text.split(",")]
+    if len(numbers) != 4 or not all(number.isascii() and number.isdigit() for number in numbers):
+        raise InputError(f"--region {text}: write it as left,top,right,bottom, in pixels")
+    left, top, right, bottom = map(int, numbers)
+    return left, top, right, bottom
+
+
+def run(session: Session, job: Job, reporter: Reporter, interruption: Interruption) -> None:
+    """Run a session to its end; Ctrl-C ends it early, with the picture so far.
+
+    Raises:
+        InputError, SetupError: as :meth:`lightdepth.session.session.Session.run` raises them.
+        typer.Exit: it was interrupted.
+    """
+    from lightdepth.errors import LightdepthError
+    from lightdepth.session.events import Failure, Stage
+
+    def watch(event: Event) -> None:
+        if isinstance(event, Stage) and event.stage == "rendering":
+            interruption.wait = True
+        if interruption.asked:
+            session.cancel()
+
+    session.on(reporter.report)
+    session.on(watch)
+    reporter.begin()
+    try:
+        done = session.run(job)
+    except LightdepthError as error:
+        reporter.report(Failure(str(error)))
+        raise
+    if done.interrupted:
         raise typer.Exit(INTERRUPTED)
 
 
-def _rendered(
-    begin: Callable[[], Rendering],
-    complete: Callable[[Rendering, Callable[[Step], bool]], Frame],
-    teller: _Teller,
-    interruption: _Interruption,
-    show: Callable[[Rendering], None],
-    seconds: float | None,
-) -> tuple[Frame, bool]:
-    """The frame, finished or interrupted, and whether it is panoramic; what it was rendered with is free again.
+def check_output(target: Path, files: list[Path], suffix: str) -> None:
+    """Refuse what cannot be written before any time is spent; nothing is made yet.
 
     Args:
-        begin: begins to render.
-        complete: takes all samples, telling of each pass.
-        teller: told how far the rendering is.
-        interruption: ends it from here on.
-        show: shows the unfinished picture.
-        seconds: between two times of that; ``None`` for never.
+        target: the option ``-o``.
+        files: what will be written.
+        suffix: what ``target`` must end with.
+
+    Raises:
+        InputError: a file cannot be written.
     """
-    rendering = begin()
-    interruption.wait = True
-    shown = time.monotonic()
-
-    def watch(step: Step) -> bool:
-        nonlocal shown
-        teller.tell(step)
-        if seconds is not None and not interruption.asked and time.monotonic() - shown > seconds:
-            show(rendering)
-            shown = time.monotonic()
-        return interruption.asked
-
-    with teller:
-        return complete(rendering, watch), rendering.panoramic
-
-
-def _show(teller: _Teller, target: Path, exposure: float | None, rendering: Rendering) -> None:
-    """Write the unfinished picture, and say so."""
-    _write(target, rendering.frame(auxiliary=False), rendering.panoramic, [], exposure)
-    teller.event({"event": "preview", "file": str(target)})
-
-
-def _check_output(target: Path) -> None:
-    """Refuse what cannot be written before any time is spent; nothing is made yet."""
     from lightdepth.images.writing import check_writable
 
-    if target.suffix.lower() != ".exr":
-        raise InputError(f"-o {target}: '{target.suffix}' is not allowed; the output is an .exr file")
+    if target.suffix.lower() != suffix:
+        raise InputError(f"-o {target}: '{target.suffix}' is not allowed; the output is an {suffix} file")
     folder = next(parent for parent in target.absolute().parents if exists(parent))
-    for file in (target, target.with_suffix(".png")):
+    for file in files:
         check_writable(file if folder == target.absolute().parent or not folder.is_dir() else folder / file.name)
 
 
-def _write(target: Path, frame: Frame, panoramic: bool, layers: list[str] | None, exposure: float | None) -> None:
-    from lightdepth.film.layers import write_frame, write_picture
-
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"-o {target}: cannot be written ({error.strerror})") from error
-    write_frame(target, frame, latlong=panoramic, layers=layers)
-    write_picture(target.with_suffix(".png"), frame, exposure)
-
-
-class _Interruption:
+class Interruption:
     """Ctrl-C: raises ``KeyboardInterrupt``, or with ``wait`` is noted first, so that the picture can be written.
 
     The second one always raises.
@@ -180,7 +205,7 @@ class _Interruption:
     def __init__(self) -> None:
         self.asked, self.wait = False, False
 
-    def __enter__(self) -> _Interruption:
+    def __enter__(self) -> Interruption:
         self._before = signal.signal(signal.SIGINT, self._note)
         return self
 
@@ -193,11 +218,17 @@ class _Interruption:
         self.asked = True
 
 
-class _Teller:
-    """Tells progress as a bar for persons, as a JSON object a line for programs, or not at all."""
+class Reporter:
+    """Tells of a session's events: as a bar for persons, as a JSON object a line for programs, or in the end only.
 
-    def __init__(self, kind: str, target: Path) -> None:
-        self._kind, self._target = kind, target
+    Args:
+        kind: ``bar``, ``json`` or ``none``.
+        files: what is written.
+        exposure: stops by which the PNG is lighter than by itself.
+    """
+
+    def __init__(self, kind: str, files: list[Path], exposure: float = 0.0) -> None:
+        self._kind, self._files, self._exposure = kind, files, exposure
         self._console = Console(stderr=True, highlight=False, soft_wrap=True)
         self._bar: Progress | None = None
         if kind == "bar":
@@ -208,47 +239,50 @@ class _Teller:
                 TimeRemainingColumn(),
             )
             self._bar = Progress(*columns, console=self._console, transient=False)
-            self._task = self._bar.add_task(target.stem, total=1.0, facts="")
+            self._task = self._bar.add_task(files[0].stem, total=1.0, facts="")
 
-    def __enter__(self) -> _Teller:
-        if self._bar is not None:
-            self._bar.start()
+    def __enter__(self) -> Reporter:
         return self
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 
-    def say(self, stage: str) -> None:
+    def begin(self) -> None:
+        """Say who speaks."""
+        from lightdepth.session.events import Hello
+
+        self.report(Hello(metadata.version("lightdepth")))
+
+    def report(self, event: Event) -> None:
+        """Tell of an event."""
+        from lightdepth.session.events import Caution, Done, Progress, Stage
+
         if self._kind == "json":
-            self.event({"event": stage})
-        elif self._kind == "bar":
-            self._console.print(f"{stage} {self._target.stem} ...")
-
-    def warn(self, message: str) -> None:
-        self._console.print(f"warning: {message}", style="yellow", markup=False)
-
-    def tell(self, step: Step) -> None:
-        self.event(
-            {
-                "event": "progress",
-                "fraction": round(step.fraction, 4),
-                "samples": round(step.samples, 2),
-                "error": round(step.error, 5),
-                "seconds_left": round(step.seconds_left, 1),
-            }
-        )
-        if self._bar is not None:
-            facts = f"{step.samples:.0f} samples, error {100 * step.error:.1f} %"
-            self._bar.update(self._task, completed=step.fraction, facts=facts)
-
-    def event(self, event: dict[str, object]) -> None:
-        if self._kind == "json":
-            sys.stdout.write(json.dumps(event) + "\n")
+            sys.stdout.write(event.to_json() + "\n")
             sys.stdout.flush()
+        if isinstance(event, Caution):
+            self._console.print(f"warning: {event.message}", style="yellow", markup=False)
+        elif isinstance(event, Done) and self._kind != "json":
+            self._console.print(self._ending(event))
+        elif self._bar is None:
+            return
+        elif isinstance(event, Stage):
+            if event.stage == "preparing":
+                self._console.print(f"preparing {self._files[0].stem} ...")
+            elif event.stage == "rendering":
+                self._bar.start()
+            else:
+                self._bar.stop()
+        elif isinstance(event, Progress):
+            facts = f"{event.samples:.0f} samples, error {100 * event.error:.1f} %"
+            self._bar.update(self._task, completed=event.fraction, facts=facts)
 
-    def done(self, interrupted: bool) -> None:
-        self.event({"event": "interrupted" if interrupted else "done", "file": str(self._target)})
-        if self._kind != "json":
-            prefix = "interrupted; what was rendered so far is in" if interrupted else "wrote"
-            self._console.print(f"{prefix} {self._target} and {self._target.with_suffix('.png')}")
+    def _ending(self, done: Done) -> str:
+        written = " and ".join(map(str, self._files))
+        if not done.interrupted:
+            shown = "" if done.exposure is None else f" (exposure {done.exposure + self._exposure:+.2f} stops)"
+            return f"wrote {written}{shown}"
+        if done.file is not None:
+            return f"interrupted; what was rendered so far is in {written}"
+        return "interrupted; --resume goes on"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 
 import drjit as dr
@@ -73,6 +73,26 @@ class Accumulator:
         _add(self._covered, sums.covered, place)
         dr.eval(self._change, self._synthetic, self._squares, self._covered)
         self.taken[slots] += counts.astype(np.uint32)
+
+    def sums(self) -> dict[str, NDArray[np.float32]]:
+        """Copies of the sums: ``change``, ``synthetic``, ``squares``, shape (n, 3), and ``covered``, shape (n,)."""
+        sums = self._sums()
+        named = {"change": sums.change, "synthetic": sums.synthetic, "squares": sums.variance, "covered": sums.coverage}
+        return {name: values.copy() for name, values in named.items()}
+
+    def restore(self, taken: NDArray[np.uint32], sums: Mapping[str, NDArray[np.float32]]) -> None:
+        """Put sums in place of what there is.
+
+        Args:
+            taken: number of samples of each pixel of the list, shape (n,).
+            sums: from :meth:`sums`.
+        """
+        self.taken[:] = taken
+        if len(self._pixels):
+            names = ("change", "synthetic", "squares", "covered")
+            self._change, self._synthetic, self._squares, self._covered = (
+                mi.Float(aligned(sums[name]).reshape(-1)) for name in names
+            )
 
     def estimates(self, finish: bool = False) -> Estimates:
         """The means so far of all pixels of the list.

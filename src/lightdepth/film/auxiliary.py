@@ -2,76 +2,151 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+import cv2
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats.qmc import Sobol
 
-from lightdepth.kernel.bands import Band, bands
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
-from lightdepth.scene.model import CameraView
-from lightdepth.transport.methods import Prepared
+from lightdepth.cameras import Viewpoint
+from lightdepth.cameras.viewpoint import CameraRays
+from lightdepth.film.cryptomatte import Mattes
+from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.row_bands import Band, bands
+from lightdepth.preparation import Prepared
 
 SUBPIXELS = 2
 """Points along each side of a pixel over which normal and albedo are averaged."""
+EDGE_SAMPLES = 32
+"""Points in a pixel that shows an object's edge, by which the objects' coverage is measured;"""
+EDGES_AT_ONCE = 1 << 17
+"""and so many such pixels at a time, which bounds the memory."""
+
+
+@dataclass(frozen=True)
+class Auxiliary:
+    """What is seen besides light.
+
+    Attributes:
+        mattes: how much of the pixels objects cover.
+        depth: at pixel centres, shape (height, width), float32.
+        normal: mean over each pixel, unit, world, shape (height, width, 3), float16.
+        albedo: likewise. That of real surfaces is the photograph held to 1, which is what guides a denoiser best; that
+            of mirrors and glass is 1.
+    """
+
+    mattes: Mattes
+    depth: NDArray[np.float32]
+    normal: NDArray[np.float16]
+    albedo: NDArray[np.float16]
 
 
 def render_auxiliary(
-    view: CameraView, prepared: Prepared
-) -> tuple[NDArray[np.uint32], NDArray[np.float32], NDArray[np.float16], NDArray[np.float16]]:
-    """Object ids (h, w) and depth (h, w) at pixel centres, mean normal and albedo (h, w, 3) of each pixel.
+    view: Viewpoint,
+    prepared: Prepared,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    coverage: NDArray[np.float32] | None = None,
+) -> Auxiliary:
+    """Render what is seen besides light.
 
-    The albedo of real surfaces is the photograph held to 1, which is what guides a denoiser best; that of mirrors and
-    glass is 1.
+    Args:
+        view: the camera.
+        prepared: the scene.
+        names: of the object and of the material of each shape.
+        coverage: share of each pixel that objects cover, as far as is known, shape (height, width): where it lies
+            between 0 and 1 there is an edge, be it of an object that lies between all pixel centres.
     """
-    width, height = view.camera.resolution
-    object_id = np.empty((height, width), np.uint32)
+    width, height = view.resolution
+    shape = np.empty((height, width), np.uint16)
+    edge = np.zeros((height, width), bool) if coverage is None else (coverage > 0.0) & (coverage < 1.0)
     depth = np.empty((height, width), np.float32)
     # As the file has them, of half precision and normals plane by plane: of a large image, this counts.
     normal = np.moveaxis(np.empty((3, height, width), np.float16), 0, -1)
     albedo = np.empty((height, width, 3), np.float16)
-    origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
     for band in bands(width, height):
 
-        def rays(offset: mi.Point2f, band: Band = band) -> tuple[mi.Ray3f, mi.Bool]:
-            film = mi.Point2f((band.column + offset.x) / width, (band.row + offset.y) / height)
-            start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
-            return mi.Ray3f(origin + rotation @ start, rotation @ direction), inside
+        def rays(offset: mi.Point2f, band: Band = band) -> CameraRays:
+            return view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
 
-        ray, inside = rays(mi.Point2f(0.5))
-        found = prepared.surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
-        ids = _object_ids(prepared, found, inside)
-        distance = dr.select(inside & found.is_valid(), found.t, dr.inf)
-        dr.eval(ids, distance)  # At once: one by one would trace all rays again.
-        object_id[band.rows] = ids.numpy().reshape(band.shape)
+        seen = rays(mi.Point2f(0.5))
+        found = prepared.surfaces.all.ray_intersect_preliminary(seen.ray, coherent=True, active=seen.inside)
+        middle = _shapes(prepared, found, seen.inside)
+        distance = dr.select(seen.inside & found.is_valid(), found.t, dr.inf)
+        dr.eval(middle, distance)  # At once: one by one would trace all rays again.
+        shape[band.rows] = middle.numpy().reshape(band.shape)
         depth[band.rows] = distance.numpy().reshape(band.shape)
         mean_normal, mean_albedo = (dr.zeros(kind, dr.width(band.row)) for kind in (mi.Vector3f, mi.Color3f))
-        dr.make_opaque(mean_normal, mean_albedo)  # Literal zeros would need a kernel of their own.
+        differs = dr.zeros(mi.UInt32, dr.width(band.row))
+        dr.make_opaque(mean_normal, mean_albedo, differs)  # Literal zeros would need a kernel of their own.
         for i in range(SUBPIXELS):
             for j in range(SUBPIXELS):
                 # Point by point, so that one small kernel serves all of them.
                 offset = mi.Point2f((i + 0.5) / SUBPIXELS, (j + 0.5) / SUBPIXELS)
                 dr.make_opaque(offset)
-                one_normal, one_albedo = _surface(prepared, *rays(offset))
+                one_normal, one_albedo, one_shape = _surface(prepared, rays(offset))
+                differs |= one_shape ^ middle
                 mean_normal += one_normal
                 mean_albedo += one_albedo
-                dr.eval(mean_normal, mean_albedo)
+                dr.eval(mean_normal, mean_albedo, differs)
         mean_normal *= dr.rsqrt(dr.maximum(dr.squared_norm(mean_normal), 1e-12))
         normal[band.rows] = mean_normal.numpy().T.reshape(*band.shape, 3)
         albedo[band.rows] = (mean_albedo / SUBPIXELS**2).numpy().T.reshape(*band.shape, 3)
-    return object_id, depth, normal, albedo
+        edge[band.rows] |= differs.numpy().reshape(band.shape) != 0
+    square = np.ones((3, 3), np.uint8)
+    edge |= cv2.dilate(shape, square) != cv2.erode(shape, square)
+    return Auxiliary(Mattes(*_coverage(view, prepared, shape, edge), *names), depth, normal, albedo)
 
 
-def _object_ids(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside: mi.Bool) -> mi.UInt32:
-    """0 for real surfaces and sky, 1 + index of the object for synthetic ones."""
+def _coverage(
+    view: Viewpoint, prepared: Prepared, shape: NDArray[np.uint16], edge: NDArray[np.bool_]
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
+    """Pixels, indices of shapes and shares, as :class:`Mattes` has them.
+
+    Args:
+        view: the camera.
+        prepared: the scene.
+        shape: 1 + index of the shape in the middle of each pixel, 0 for none, shape (height, width).
+        edge: pixels that show several.
+    """
+    inner = np.flatnonzero((shape > 0) & ~edge).astype(np.uint32)
+    pixels, shapes = [inner], [shape.reshape(-1)[inner].astype(np.uint32) - 1]
+    shares = [np.ones(len(inner), np.float32)]
+    # In the pixel and on the lens; each coordinate takes all of its strata.
+    points = Sobol(4, scramble=False).random(EDGE_SAMPLES) + 0.5 / EDGE_SAMPLES
+    edges = np.flatnonzero(edge).astype(np.uint32)
+    for first in range(0, len(edges), EDGES_AT_ONCE):
+        some = edges[first : first + EDGES_AT_ONCE]
+        pixel = mi.UInt32(aligned(some, np.uint32))
+        column, row = mi.Float(pixel % view.resolution[0]), mi.Float(pixel // view.resolution[0])
+        seen = np.empty((len(some), EDGE_SAMPLES), np.uint16)
+        for index, point in enumerate(points):
+            offset, lens = mi.Point2f(*map(float, point[:2])), mi.Point2f(*map(float, point[2:]))
+            dr.make_opaque(offset, lens)
+            rays = view.pixel_rays(column, row, offset, lens)
+            found = prepared.surfaces.all.ray_intersect_preliminary(rays.ray, coherent=True, active=rays.inside)
+            seen[:, index] = _shapes(prepared, found, rays.inside).numpy()
+        pairs, count = np.unique((np.arange(len(some))[:, None] << 16) | seen, return_counts=True)
+        there = (pairs & 0xFFFF) > 0
+        pixels.append(some[pairs[there] >> 16])
+        shapes.append(((pairs[there] & 0xFFFF) - 1).astype(np.uint32))
+        shares.append((count[there] / EDGE_SAMPLES).astype(np.float32))
+    order = np.argsort(np.concatenate(pixels), kind="stable")
+    return np.concatenate(pixels)[order], np.concatenate(shapes)[order], np.concatenate(shares)[order]
+
+
+def _shapes(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside: mi.Bool) -> mi.UInt32:
+    """0 for real surfaces and sky, 1 + index of the shape for synthetic ones."""
     result = dr.zeros(mi.UInt32, dr.width(found.t))
-    for index, shape in prepared.shapes:
+    for index, (_, shape) in enumerate(prepared.shapes):
         result = dr.select(inside & found.is_valid() & (found.shape == mi.ShapePtr(shape)), index + 1, result)
     return result
 
 
-def _surface(prepared: Prepared, ray: mi.Ray3f, inside: mi.Bool) -> tuple[mi.Vector3f, mi.Color3f]:
-    surfaces, place = prepared.surfaces, prepared.place
+def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Color3f, mi.UInt32]:
+    surfaces, place, ray, inside = prepared.surfaces, prepared.place, seen.ray, seen.inside
     found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
     on_real = inside & surfaces.is_real(found)
     on_synthetic = inside & found.is_valid() & ~on_real
@@ -81,5 +156,5 @@ def _surface(prepared: Prepared, ray: mi.Ray3f, inside: mi.Bool) -> tuple[mi.Vec
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, si.sh_frame.n, hit.normal & on_real)
-    seen = dr.minimum(place.photograph(hit, ray.d), 1.0) & inside
-    return normal, dr.select(on_synthetic, diffuse, seen)
+    photographed = dr.minimum(place.photograph.sharp(hit, ray.d), 1.0) & inside
+    return normal, dr.select(on_synthetic, diffuse, photographed), _shapes(prepared, found, inside)

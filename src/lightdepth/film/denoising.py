@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from types import ModuleType
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, find_objects, label
 
+from lightdepth.cameras.topology import Rectangle, Topology, Window
 from lightdepth.film.frame import Frame
 from lightdepth.images.tonemapping import MIDDLE_GREY
 from lightdepth.packages import optional_package
 
-MARGIN = 128
-"""Pixels that the filter is shown around a band, so that bands meet without a seam."""
+MARGIN = 64
+"""Pixels that the filter is shown around a box; what is farther away changes a pixel by less than half a percent."""
 PIXELS_AT_ONCE = 2**21
+"""Largest area of a box: bounds the memory."""
+TILE = 16
+"""Side of the tiles that boxes are made of, pixels."""
+MINOR = 0.25
+"""Largest share of a change that is so small a part of it that the fast network denoises it as well."""
 DARK = 0.02
 """Share of the photograph's median that is added where the change is divided by the photograph."""
 
 
-def denoise(frame: Frame, panoramic: bool) -> Frame:
+def denoise(frame: Frame) -> Frame:
     """Denoise a frame's change and synthetic radiance; its photograph and every other layer stay as they are.
 
     The change is denoised as a share of the photograph, in which the photograph's texture cancels: on a diffuse surface
@@ -32,8 +39,6 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
 
     Args:
         frame: as rendered; albedo and normals, which have no noise, guide the filter where the frame has them.
-        panoramic: the image is a full panorama: it goes on around its left and right edge, and over the poles on the
-            other side.
 
     Returns:
         A new frame, which shares the other layers; its metadata says that it was denoised.
@@ -42,38 +47,100 @@ def denoise(frame: Frame, panoramic: bool) -> Frame:
         SetupError: the package ``mitsuba-oidn`` is not installed.
     """
     oidn = optional_package("mitsuba_oidn", "denoise")
-    height, width = frame.coverage.shape
     change, synthetic = np.zeros_like(frame.change), np.zeros_like(frame.synthetic)
     floor = np.float32(DARK * np.median(frame.plate[::4, ::4]) + 1e-12)
     change_scale = _input_scale(frame.change, frame.plate, floor)
     synthetic_scale = _input_scale(frame.synthetic, None, floor)
-    rows = max(MARGIN, PIXELS_AT_ONCE // width)
-    for top in range(0, height, rows):  # Band by band, which bounds the memory and skips what is untouched.
-        band = slice(top, min(top + rows, height))
-        window = _Window(band.start, band.stop, height, width, panoramic)
-        guides = {"albedo": frame.albedo, "normal": frame.normal}
-        cut = {
-            name: window.cut(guide).astype(np.float32, order="C") for name, guide in guides.items() if guide is not None
-        }
-        filtered = _Filter(oidn, cut)
-        if frame.synthetic[band].any():
-            covered = window.cut(frame.coverage)[:, :, None]
-            noisy = _extended(window.cut(frame.synthetic), covered)
-            clean = window.inner(filtered(noisy, synthetic_scale) * covered)
-            synthetic[band] = np.where(_touched(frame.synthetic[band]), clean, 0.0)
-        if frame.change[band].any():
-            if "albedo" in filtered.guides:  # Without the photograph's texture there is none for it to explain.
-                filtered.guides["albedo"][window.cut(frame.coverage) == 0.0] = 1.0
-            uncovered = np.float32(1.0) - window.cut(frame.coverage)[:, :, None]
-            relative = _extended(window.cut(frame.change), uncovered) / (window.cut(frame.plate) + floor)
-            added = window.inner(filtered(np.maximum(relative, 0.0), change_scale))
-            taken = window.inner(filtered(np.maximum(-relative, 0.0), change_scale))
-            clean = (added - taken) * (frame.plate[band] + floor)
-            # At narrow contact shadows the filter overshoots; no more can be taken away than was there.
-            clean = np.maximum(clean, np.minimum(-frame.plate[band], 0.0)) * window.inner(uncovered)
-            change[band] = np.where(_touched(frame.change[band]), clean, 0.0)
+    for chart in frame.topology.charts:
+        for window in _windows(frame.topology, chart, frame.synthetic):
+            here = window.rectangle.slices
+            synthetic[here] = _denoised_synthetic(_Filter.around(window, frame, oidn), frame, window, synthetic_scale)
+        for window in _windows(frame.topology, chart, frame.change):
+            here = window.rectangle.slices
+            change[here] = _denoised_change(_Filter.around(window, frame, oidn), frame, window, change_scale, floor)
     facts = {**frame.metadata, "denoised": "change, synthetic"}
     return replace(frame, change=change, synthetic=synthetic, metadata=facts)
+
+
+def _windows(topology: Topology, chart: Rectangle, layer: NDArray[np.float32]) -> Iterator[Window]:
+    """Windows that together show all of a chart where a layer is not zero, and little else."""
+    for box in _boxes((layer[chart.slices] != 0.0).any(axis=2)):
+        box = Rectangle(chart.top + box.top, chart.top + box.bottom, chart.left + box.left, chart.left + box.right)
+        rows = max(MARGIN, PIXELS_AT_ONCE // box.width)
+        for top in range(box.top, box.bottom, rows):
+            part = Rectangle(top, min(top + rows, box.bottom), box.left, box.right)
+            yield topology.window(chart, part, MARGIN)
+
+
+def _boxes(there: NDArray[np.bool_]) -> list[Rectangle]:
+    """Rectangles that hold all pixels that are ``there``, far enough apart to be filtered one by one.
+
+    Those of pieces that hang together; two become one where that leaves less to filter, their margins included.
+    """
+    height, width = there.shape
+    tiles = np.pad(there, ((0, -height % TILE), (0, -width % TILE)))
+    pieces, _ = label(tiles.reshape(len(tiles) // TILE, TILE, -1, TILE).any(axis=(1, 3)), np.ones((3, 3), bool))
+    boxes = [
+        Rectangle(
+            rows.start * TILE, min(rows.stop * TILE, height), columns.start * TILE, min(columns.stop * TILE, width)
+        )
+        for rows, columns in find_objects(pieces)
+    ]
+    merged = True
+    while merged:
+        merged = False
+        for i, box in enumerate(boxes):
+            for j, other in enumerate(boxes[:i]):
+                both = _around(box, other)
+                if _cost(both) <= _cost(box) + _cost(other):
+                    boxes[j] = both
+                    del boxes[i]
+                    merged = True
+                    break
+            if merged:
+                break
+    return boxes
+
+
+def _around(one: Rectangle, other: Rectangle) -> Rectangle:
+    """The smallest rectangle that holds two."""
+    return Rectangle(
+        min(one.top, other.top),
+        max(one.bottom, other.bottom),
+        min(one.left, other.left),
+        max(one.right, other.right),
+    )
+
+
+def _cost(box: Rectangle) -> int:
+    """Pixels that are filtered for a box."""
+    return (box.height + 2 * MARGIN) * (box.width + 2 * MARGIN)
+
+
+def _denoised_synthetic(filtered: _Filter, frame: Frame, window: Window, scale: float) -> NDArray[np.float32]:
+    """The synthetic radiance in a window's rectangle, denoised."""
+    covered = window.cut(frame.coverage)[:, :, None]
+    noisy = _extended(window.cut(frame.synthetic), covered)
+    clean = (filtered(noisy, scale) * covered)[window.inner]
+    return np.where(_touched(frame.synthetic[window.rectangle.slices]), clean, np.float32(0.0))
+
+
+def _denoised_change(
+    filtered: _Filter, frame: Frame, window: Window, scale: float, floor: np.float32
+) -> NDArray[np.float32]:
+    """The change in a window's rectangle, denoised; ``floor`` is radiance that is added to the photograph."""
+    coverage, plate = window.cut(frame.coverage), frame.plate[window.rectangle.slices]
+    if "albedo" in filtered.guides:  # Without the photograph's texture there is none for it to explain.
+        filtered.guides["albedo"][coverage == 0.0] = 1.0
+    uncovered = np.float32(1.0) - coverage[:, :, None]
+    relative = _extended(window.cut(frame.change), uncovered) / (window.cut(frame.plate) + floor)
+    signs = [np.maximum(part, np.float32(0.0)) for part in (relative, -relative)]
+    most = np.abs(relative).sum(dtype=np.float64)
+    added, taken = (filtered(part, scale, part.sum(dtype=np.float64) < MINOR * most)[window.inner] for part in signs)
+    clean = (added - taken) * (plate + floor)
+    # At narrow contact shadows the filter overshoots; no more can be taken away than was there.
+    clean = np.maximum(clean, np.minimum(-plate, 0.0)) * uncovered[window.inner]
+    return np.where(_touched(frame.change[window.rectangle.slices]), clean, np.float32(0.0))
 
 
 def _extended(layer: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -118,42 +185,17 @@ class _Filter:
     oidn: ModuleType
     guides: dict[str, NDArray[np.float32]]
 
-    def __call__(self, noisy: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
+    @classmethod
+    def around(cls, window: Window, frame: Frame, oidn: ModuleType) -> _Filter:
+        """The filter for a window of a frame."""
+        guides = {"albedo": frame.albedo, "normal": frame.normal}
+        cut = {name: window.cut(guide) for name, guide in guides.items() if guide is not None}
+        return cls(oidn, {name: guide.astype(np.float32, order="C") for name, guide in cut.items()})
+
+    def __call__(self, noisy: NDArray[np.float32], scale: float, fast: bool = False) -> NDArray[np.float32]:
         if not noisy.any():
             return noisy
         oidn = self.oidn
-        result = oidn.denoise(noisy, **self.guides, hdr=True, clean_aux=bool(self.guides), input_scale=scale)
+        settings = {"clean_aux": bool(self.guides), "quality": oidn.Quality.Fast if fast else oidn.Quality.High}
+        result = oidn.denoise(noisy, **self.guides, hdr=True, input_scale=scale, **settings)
         return np.asarray(result)
-
-
-@dataclass(frozen=True)
-class _Window:
-    """A band of an image's rows, with what lies around it."""
-
-    top: int
-    bottom: int
-    height: int
-    width: int
-    panoramic: bool
-
-    def cut(self, image: NDArray) -> NDArray:
-        """The band with its margin; of a panorama it goes on around the edge and over the poles."""
-        if not self.panoramic:
-            return np.ascontiguousarray(image[self._first : self.bottom + MARGIN])
-        rows = np.arange(self.top - MARGIN, self.bottom + MARGIN)
-        columns = np.arange(-MARGIN, self.width + MARGIN)
-        over_pole = (rows < 0) | (rows >= self.height)
-        rows = np.where(rows < 0, -1 - rows, np.where(rows >= self.height, 2 * self.height - 1 - rows, rows))
-        across = np.where(over_pole, self.width // 2, 0)
-        return image[rows[:, None] % self.height, (columns + across[:, None]) % self.width]
-
-    def inner(self, cut: NDArray[np.float32]) -> NDArray[np.float32]:
-        """The band alone, of what :meth:`cut` gave."""
-        if not self.panoramic:
-            return cut[self.top - self._first :][: self.bottom - self.top]
-        return cut[MARGIN:-MARGIN, MARGIN:-MARGIN]
-
-    @property
-    def _first(self) -> int:
-        """First row of an ordinary image's band with its margin."""
-        return max(self.top - MARGIN, 0)

@@ -7,6 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.cameras.topology import Flat, Topology
+from lightdepth.film.cryptomatte import Mattes
+
+EXPOSURE = "exposure"
+"""Among a frame's facts: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
+
 
 @dataclass
 class Frame:
@@ -18,7 +24,8 @@ class Frame:
         synthetic: radiance of the new objects times their coverage, shape (height, width, 3), float32.
         coverage: share of each pixel that new objects cover, shape (height, width), float32.
         alpha: 1 inside the camera's image and 0 outside it (beyond a fisheye's circle), shape (height, width), float32.
-        object_id: which object is seen, shape (height, width), uint32: 0 is none, i + 1 is ``scene.synthetic[i]``.
+        object_id: which object covers most of a pixel, shape (height, width), uint32: 0 is none, i + 1 is
+            ``scene.synthetic[i]``.
         depth: distance along the ray in metres, shape (height, width), float32; inf is sky.
         normal: unit normals in world space, shape (height, width, 3), float16 or float32.
         albedo: albedo of what is seen, shape (height, width, 3), float16 or float32.
@@ -26,6 +33,8 @@ class Frame:
         samples: number of samples spent, shape (height, width), uint32.
         metadata: facts for the file's header, by name.
         object_names: names of the objects, those of ``object_id`` 1, 2, ... in order.
+        mattes: how much of each pixel objects and materials cover.
+        topology: how the pixels lie beside each other; by default, a picture that ends at its edges.
     """
 
     plate: NDArray[np.float32]
@@ -41,6 +50,13 @@ class Frame:
     samples: NDArray[np.uint32] | None = None
     metadata: dict[str, str] = field(default_factory=dict)
     object_names: tuple[str, ...] = ()
+    mattes: Mattes | None = None
+    topology: Topology = None  # type: ignore[assignment]  # filled in below
+
+    def __post_init__(self) -> None:
+        if self.topology is None:
+            height, width = self.coverage.shape
+            self.topology = Flat(width, height)
 
     @property
     def beauty(self) -> NDArray[np.float32]:

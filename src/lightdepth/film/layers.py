@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 import OpenEXR
 
+from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.errors import InputError
-from lightdepth.film.frame import Frame
+from lightdepth.film.cryptomatte import matte_channels
+from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.images.png import write_png
 from lightdepth.images.tonemapping import Curve, auto_exposure, tone_map
@@ -26,9 +28,10 @@ LAYERS: dict[str, tuple[str, type[np.generic]]] = {
     "albedo": ("RGB", np.float16),
     "variance": ("RGB", np.float32),
     "samples": ("samples", np.uint32),
+    "cryptomatte": ("", np.float32),
 }
 """Channels and pixel type of each layer of a frame. Half floats only where nobody could see the difference."""
-AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo"})
+AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo", "cryptomatte"})
 """Those that take time of their own, see ``lightdepth.film.auxiliary``."""
 PART_NAMES = {"coverage": "alpha"}
 """Names of parts that are not the layer's own."""
@@ -36,17 +39,18 @@ ROWS_AT_ONCE = 128
 REQUIRED = ("plate", "change", "synthetic", "coverage")
 _OBJECT_NAMES = "lightdepth:objects"
 _METADATA = "lightdepth:"
+_ENVIRONMENT_MAPS = {"latlong": OpenEXR.ENVMAP_LATLONG}
 
 
-def write_frame(path: Path, frame: Frame, latlong: bool = False, layers: Collection[str] | None = None) -> None:
+def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None) -> None:
     """Write a frame as OpenEXR: the finished image as ``R G B A`` first, then each layer as a part with its name.
 
-    ``A`` is 1 inside the camera's image; the part ``alpha`` holds the new objects' coverage.
+    ``A`` is 1 inside the camera's image; the part ``alpha`` holds the new objects' coverage. The parts of a full
+    panorama are marked ``envmap = latlong``.
 
     Args:
         path: where to write; the file appears whole or not at all.
         frame: what to write.
-        latlong: the image is a full panorama; its parts are then marked ``envmap = latlong``.
         layers: names out of ``LAYERS`` to write beside the finished image; ``None`` means all that the frame has.
 
     Raises:
@@ -55,11 +59,19 @@ def write_frame(path: Path, frame: Frame, latlong: bool = False, layers: Collect
     unknown = sorted(set(layers or ()) - set(LAYERS))
     if unknown:
         raise InputError(f"layer '{unknown[0]}' is unknown; allowed are {', '.join(LAYERS)}")
-    marks: dict[str, Any] = {"envmap": OpenEXR.ENVMAP_LATLONG} if latlong else {}
+    layout = frame.topology.environment_map
+    marks: dict[str, Any] = {} if layout is None else {"envmap": _ENVIRONMENT_MAPS[layout]}
     header = {**marks, **{_METADATA + name: value for name, value in frame.metadata.items()}}
-    parts = [ExrPart({"RGB": frame.beauty, "A": frame.alpha}, "beauty", header)]
+    planes: dict[str, Any] = {"RGB": frame.beauty, "A": frame.alpha}
+    if frame.mattes is not None and (layers is None or "cryptomatte" in layers):
+        # In the first part, which is the only one that many programs search for them.
+        for name, of_shapes in (("CryptoObject", frame.mattes.objects), ("CryptoMaterial", frame.mattes.materials)):
+            matte_planes, facts = matte_channels(frame.mattes, name, of_shapes, frame.coverage.shape)
+            planes |= matte_planes
+            header |= facts
+    parts = [ExrPart(planes, "beauty", header)]
     for layer, (channels, dtype) in LAYERS.items():
-        pixels = getattr(frame, layer)
+        pixels = getattr(frame, layer, None)
         if pixels is None or (layers is not None and layer not in layers):
             continue
         extra = {_OBJECT_NAMES: list(frame.object_names)} if layer == "object_id" and frame.object_names else {}
@@ -102,30 +114,42 @@ def read_frame(path: Path) -> Frame:
         full = np.uint32 if dtype is np.uint32 else np.float32
         layers[layer] = (planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)).astype(full, copy=False)
     beauty = parts["beauty"]
+    height, width = beauty.channels["A"].shape
+    panorama = beauty.header.get("envmap") == OpenEXR.ENVMAP_LATLONG
     ids = parts.get("object_id")
     return Frame(
         **layers,
         alpha=beauty.channels["A"],
         metadata={k.removeprefix(_METADATA): v for k, v in beauty.header.items() if k.startswith(_METADATA)},
         object_names=tuple(ids.header.get(_OBJECT_NAMES, ())) if ids else (),
+        topology=Spherical((Rectangle(0, height, 0, width),)) if panorama else Flat(width, height),
     )
 
 
-def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx") -> None:
+def picture_exposure(frame: Frame) -> float:
+    """Stops at which a frame is shown: by the brightness of the whole panorama.
+
+    So it is the same for all cameras and frames of a scene, and new objects do not change it. A frame that was not
+    rendered from a scene, and does not know its panorama, goes by its plate.
+    """
+    known = frame.metadata.get(EXPOSURE)
+    return auto_exposure(frame.plate, frame.alpha) if known is None else float(known)
+
+
+def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx-like") -> None:
     """Write a frame's finished image as PNG for the screen, transparent outside the camera's image.
 
     Args:
         path: where to write; the file appears whole or not at all.
         frame: what to show.
-        exposure_stops: see :func:`~lightdepth.images.tonemapping.tone_map`; ``None`` takes it from the photograph's
-            brightness, so that new objects do not change it.
+        exposure_stops: see :func:`~lightdepth.images.tonemapping.tone_map`; ``None`` takes :func:`picture_exposure`.
         curve: the tone curve.
 
     Raises:
         InputError: the file cannot be written.
     """
     if exposure_stops is None:
-        exposure_stops = auto_exposure(frame.plate, frame.alpha)
+        exposure_stops = picture_exposure(frame)
     pixels = np.empty(frame.plate.shape, np.uint8)
     for first in range(0, len(pixels), ROWS_AT_ONCE):
         here = slice(first, first + ROWS_AT_ONCE)

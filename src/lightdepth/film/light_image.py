@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
-from lightdepth.scene.model import CameraView
-from lightdepth.transport.light_paths import Arrivals, Connection, LightPaths
-from lightdepth.transport.randoms import Randoms, begin_path
+from lightdepth.cameras import Viewpoint
+from lightdepth.film.sums import Share
+from lightdepth.place.light_list import LightList
+from lightdepth.transport.light_tracing import Connection, LightTracer, Splats
+from lightdepth.transport.sampler import Sampler, begin_path
 
 SHARE = 0.5
 """Paths from the light for each path from the camera;"""
@@ -27,20 +29,29 @@ class LightImage:
     """Sums over light paths for a list of n pixels.
 
     Args:
-        light_paths: how they go.
+        light_tracer: how they go.
         view: the camera.
         pixels: row-major indices, ascending, shape (n,), uint32.
         seed: of the random numbers.
+        share: follow the blocks of paths of this share only.
 
     Attributes:
+        begun: light paths of all shares so far, the index of the next one.
+        blocks: in how many blocks these came.
         count: light paths that were followed so far.
     """
 
-    def __init__(self, light_paths: LightPaths, view: CameraView, pixels: NDArray[np.uint32], seed: int) -> None:
-        self._light_paths, self._camera, self._seed = light_paths, view.camera, seed ^ SEED
-        self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
-        self._to_camera = opaque_matrix(view.rotation.T)
-        self._width, self._height = view.camera.resolution
+    def __init__(
+        self,
+        light_tracer: LightTracer,
+        view: Viewpoint,
+        pixels: NDArray[np.uint32],
+        seed: int,
+        share: Share = Share(),  # noqa: B008 - it is immutable
+    ) -> None:
+        self._share, self.begun, self.blocks = share, 0, 0
+        self._light_tracer, self._view, self._seed = light_tracer, view, seed ^ SEED
+        self._width, self._height = view.resolution
         self._slots: NDArray[np.uint32] | None = None
         if len(pixels) < self._width * self._height:
             self._slots = np.full(self._width * self._height, NOWHERE)
@@ -53,7 +64,7 @@ class LightImage:
         """How many light paths there are for each path from the camera through one pixel."""
         return dr.opaque(mi.Float, SHARE * len(self._squares))
 
-    def follow(self, paths: int) -> list[Arrivals]:
+    def follow(self, lights: LightList, paths: int) -> list[Splats]:
         """Follow as many light paths as the next ``paths`` from the camera call for.
 
         Returns:
@@ -63,23 +74,43 @@ class LightImage:
         brought = []
         left = math.ceil(SHARE * paths)
         while left > 0:
-            count, first = min(left, AT_ONCE), dr.opaque(mi.UInt32, self.count)
-            randoms = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)
-            arrivals = self._light_paths.trace(randoms, self._connect, paths_a_sample)
-            dr.eval(arrivals)
-            brought.append(arrivals)
-            self.count += count
+            count = min(left, AT_ONCE)
+            if self.blocks % self._share.count == self._share.index:
+                first = dr.opaque(mi.UInt32, self.begun)
+                sampler = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)
+                arrivals = self._light_tracer.trace(sampler, lights, self._connect, paths_a_sample)
+                dr.eval(arrivals)
+                brought.append(arrivals)
+                self.count += count
+            self.blocks += 1
+            self.begun += count
             left -= count
         return brought
 
-    def _connect(self, point: mi.Point3f, randoms: Randoms) -> Connection:
-        """How the camera sees points, world."""
-        target = mi.Point3f(self._to_camera @ (point - self._origin))
-        start, film, inside = self._camera.film_points(target, mi.Point2f(randoms.next(), randoms.next()))
-        angle = self._camera.pixel_angle(dr.normalize(target - start))
-        return Connection(self._origin + self._rotation @ start, film, angle, inside)
+    def sums(self) -> tuple[dict[str, NDArray[np.float32]], int]:
+        """Copies of ``light_change``, ``light_synthetic``, shape (n, 3), and ``light_squares``, (n,); how many paths."""
+        named = {"light_change": self._change, "light_synthetic": self._synthetic, "light_squares": self._squares}
+        return {name: values.copy() for name, values in named.items()}, self.count
 
-    def add(self, arrivals: Arrivals) -> None:
+    def restore(self, sums: Mapping[str, NDArray[np.float32]], count: int, begun: int, blocks: int) -> None:
+        """Put sums in place of what there is.
+
+        Args:
+            sums: from :meth:`sums`.
+            count: of how many paths they are.
+            begun: paths of all shares so far.
+            blocks: in how many blocks.
+        """
+        self._change[:], self._synthetic[:] = sums["light_change"], sums["light_synthetic"]
+        self._squares[:] = sums["light_squares"]
+        self.count, self.begun, self.blocks = count, begun, blocks
+
+    def _connect(self, point: mi.Point3f, sampler: Sampler) -> Connection:
+        """How the camera sees points, world."""
+        seen = self._view.project(point, mi.Point2f(sampler.next_1d(), sampler.next_1d()))
+        return Connection(seen.origin, seen.film, seen.solid_angle, seen.weight, seen.inside)
+
+    def add(self, arrivals: Splats) -> None:
         """Add what light paths bring."""
         valid = arrivals.valid.numpy()
         column = np.minimum((arrivals.film.x.numpy()[valid] * self._width).astype(np.int64), self._width - 1)

@@ -6,29 +6,23 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats.qmc import Sobol
 
-from lightdepth.cameras import Equirectangular
+from lightdepth.cameras import Viewpoint
+from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.kernel.arrays import aligned
-from lightdepth.kernel.bands import bands
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
-from lightdepth.scene.model import CameraView, Panorama
-from lightdepth.transport.place import Place
+from lightdepth.kernel.row_bands import bands
+from lightdepth.place.place import Place
+from lightdepth.scene.model import Panorama
 
 MOST_SUBPIXELS = 8
-
-
-def is_capture_camera(view: CameraView, panorama: Panorama) -> bool:
-    """Whether a camera's pixels are those of the panorama."""
-    return (
-        isinstance(view.camera, Equirectangular)
-        and view.camera.resolution == panorama.radiance.shape[1::-1]
-        and np.allclose(view.position, panorama.position, rtol=0.0, atol=1e-9)
-        and np.allclose(view.rotation, panorama.rotation, rtol=0.0, atol=1e-9)
-    )
+MOST_LENS_POINTS = 256
+FEWEST_LENS_POINTS = 64
+"""Powers of two, in which Sobol's sequence is even."""
 
 
 def render_plate(
-    view: CameraView, panorama: Panorama, place: Place, draft: bool = False
+    view: Viewpoint, panorama: Panorama, place: Place, draft: bool = False
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Resample the photograph for a camera.
 
@@ -42,41 +36,67 @@ def render_plate(
         ``(plate, alpha)``, shapes (height, width, 3) and (height, width), float32: radiance, black outside the
         camera's image, and the share of each pixel inside it. A camera whose pixels are the panorama's gets these,
         bit for bit; any other one the mean over a grid of points in each pixel, fine enough for the panorama's detail.
+        A lens with an aperture blurs the photograph as it blurs the objects: the mean is over points of the lens as well.
     """
-    width, height = view.camera.resolution
-    if is_capture_camera(view, panorama):
+    width, height = view.resolution
+    if view.same_pixels(panorama.viewpoint):
         return panorama.radiance, np.ones((height, width), np.float32)
     subpixels = 1 if draft else _subpixels(view, place)
+    grid = (np.arange(subpixels) + 0.5) / subpixels
+    middle = np.full((subpixels, subpixels), 0.5)
+    points = np.stack([*np.meshgrid(grid, grid, indexing="ij"), middle, middle], axis=-1).reshape(-1, 4)
+    blurred = view.camera.has_aperture
+    if blurred:
+        count = FEWEST_LENS_POINTS if draft else _lens_points(view, place)
+        points = Sobol(4, rng=0).random(count)
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
-    origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
     for band in bands(width, height):
         total, share = dr.zeros(mi.Color3f, dr.width(band.row)), dr.zeros(mi.Float, dr.width(band.row))
         dr.make_opaque(total, share)  # Literal zeros would need a kernel of their own.
-        for i in range(subpixels):
-            for j in range(subpixels):
-                # Point by point, so that one small kernel serves all of them.
-                offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
-                dr.make_opaque(offset)
-                film = mi.Point2f((band.column + offset.x) / width, (band.row + offset.y) / height)
-                start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
-                ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
-                hit = place.surfaces.first_real(ray, inside)
-                total += place.photograph(hit, ray.d) & inside
-                share += dr.select(inside, 1.0, 0.0)
-                dr.eval(total, share)
-        scale = 1.0 / subpixels**2
+        # Points of the lens that are further apart than a pixel where the photograph is blurred would show as dots.
+        margin: mi.Float | float = 1.0
+        if blurred:
+            radius = _blur(view, place, view.pixel_rays(band.column, band.row, mi.Point2f(0.5), mi.Point2f(0.5)))
+            margin = dr.maximum(1.0, radius * float(np.sqrt(np.pi / len(points))))
+            dr.eval(margin)
+        for point in points:
+            # Point by point, so that one small kernel serves all of them.
+            offset, lens = mi.Point2f(*map(float, point[:2])), mi.Point2f(*map(float, point[2:]))
+            dr.make_opaque(offset, lens)
+            within = 0.5 + (offset - 0.5) * margin if blurred else offset
+            seen = view.pixel_rays(band.column, band.row, within, lens)
+            hit = place.surfaces.first_real(seen.ray, seen.inside)
+            total += place.photograph.sharp(hit, seen.ray.d) & seen.inside
+            share += dr.select(seen.inside, 1.0, 0.0)
+            dr.eval(total, share)
+        scale = 1.0 / len(points)
         plate[band.rows] = (total * scale).numpy().T.reshape(*band.shape, 3)
         alpha[band.rows] = (share * scale).numpy().reshape(band.shape)
     return plate, alpha
 
 
-def _subpixels(view: CameraView, place: Place) -> int:
+def _blur(view: Viewpoint, place: Place, middle: CameraRays) -> mi.Float:
+    """Radius in pixels of the disk over which the lens spreads what rays through its middle meet."""
+    hit = place.surfaces.first_real(middle.ray, middle.inside)
+    depth = dr.dot(hit.point - middle.ray.o, mi.Vector3f(*view.rotation[:, 1].tolist()))
+    return view.camera.blur(dr.select(hit.valid, depth, dr.inf))
+
+
+def _lens_points(view: Viewpoint, place: Place) -> int:
+    """Points of the lens for each pixel: about one for each pixel of the largest disk that a point is spread over."""
+    x, y = (mi.Float(aligned(grid)) for grid in np.meshgrid(np.linspace(0.05, 0.95, 16), np.linspace(0.05, 0.95, 16)))
+    radius = _blur(view, place, view.rays(mi.Point2f(x, y), mi.Point2f(0.5)))
+    needed = np.pi * float(np.max(radius.numpy())) ** 2
+    return int(np.clip(2 ** np.ceil(np.log2(max(needed, 1.0))), FEWEST_LENS_POINTS, MOST_LENS_POINTS))
+
+
+def _subpixels(view: Viewpoint, place: Place) -> int:
     """Points along each side of a pixel, so that they lie at most one pixel of the panorama apart."""
-    _, height = view.camera.resolution
+    _, height = view.resolution
     x = mi.Float(aligned(np.linspace(0.1, 0.9, 9).repeat(9)))
     y = mi.Float(aligned(np.tile(np.linspace(0.1, 0.9, 9), 9)))
-    _, direction, _ = view.camera.camera_rays(mi.Point2f(x, y), mi.Point2f(0.5))
-    _, beside, _ = view.camera.camera_rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
-    angle = float(np.max(dr.norm(direction - beside).numpy()))
-    return int(np.clip(np.ceil(angle * place.map.height / np.pi), 2, MOST_SUBPIXELS))
+    seen = view.rays(mi.Point2f(x, y), mi.Point2f(0.5))
+    beside = view.rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
+    angle = float(np.max(dr.norm(seen.ray.d - beside.ray.d).numpy()))
+    return int(np.clip(np.ceil(angle * place.photograph.map.height / np.pi), 2, MOST_SUBPIXELS))

@@ -6,25 +6,34 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib import metadata
+from itertools import islice
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras import Equirectangular
+from lightdepth.cameras import Viewpoint
+from lightdepth.errors import InputError
 from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.auxiliary import render_auxiliary
-from lightdepth.film.frame import Frame
+from lightdepth.film.cryptomatte import shape_names
+from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import render_plate
 from lightdepth.film.selection import influenced_pixels
+from lightdepth.film.sums import Origin, PixelSums, Share
+from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.arrays import aligned
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
-from lightdepth.scene.model import CameraView, Scene
+from lightdepth.kernel.start import DEVICE_LOCK
+from lightdepth.place.light_list import LightList
+from lightdepth.preparation import Prepared
+from lightdepth.scene.identity import scene_digest, view_digest
+from lightdepth.scene.model import Scene
 from lightdepth.transport.integrator import CameraSums
-from lightdepth.transport.methods import Prepared
-from lightdepth.transport.randoms import Randoms, begin_path
+from lightdepth.transport.sampler import Sampler, begin_path
 
 PATHS = 1 << 21
 """Paths of one pass; more gain no speed."""
@@ -82,8 +91,57 @@ class Progress:
     seconds_left: float
 
 
+Region = tuple[int, int, int, int]
+"""Columns and rows of an image: left, top, right, bottom, the last two beyond it."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a rendering works toward; the attributes are the arguments of :meth:`Rendering.run`.
+
+    Raises:
+        InputError: one is out of range.
+    """
+
+    samples: int
+    noise: float | None = None
+    region: Region | None = None
+
+    def __post_init__(self) -> None:
+        if self.samples < 1:
+            raise InputError(f"samples = {self.samples}: at least 1 is needed")
+        if self.noise is not None and not 0.0 < self.noise < math.inf:
+            raise InputError(f"noise = {self.noise}: more than 0 is needed")
+        if self.region is not None:
+            left, top, right, bottom = self.region
+            if not (0 <= left < right and 0 <= top < bottom):
+                raise InputError(f"region = {self.region}: it is left, top, right, bottom, in pixels, and not empty")
+
+
+@dataclass
+class Round:
+    """Passes that were decided on together.
+
+    Attributes:
+        target: what they are for.
+        wanted: samples for each pixel of the list, shape (n,), int32.
+        total: samples that the whole image will have taken, as far as is known.
+        begun: passes of it that have been made.
+        pilot: the samples by which the rest is divided among the pixels.
+    """
+
+    target: Target
+    wanted: NDArray[np.int32]
+    total: int
+    begun: int = 0
+    pilot: bool = True
+
+
 class Rendering:
     """One camera's image in the making.
+
+    It can be stopped after any pass and go on, be saved in between, and share its work with others: what it does depends
+    on its arguments, its targets and its samples so far, and on nothing else. Several in several threads take turns.
 
     Args:
         scene: what to render.
@@ -91,47 +149,92 @@ class Rendering:
         view: the camera.
         method: its name, for the image's header.
         seed: of the random numbers; the same seed gives the same image.
+        share: the part of the work to do; see :meth:`sums`.
     """
 
-    def __init__(self, scene: Scene, prepared: Prepared, view: CameraView, method: str, seed: int) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        prepared: Prepared,
+        view: Viewpoint,
+        method: str,
+        seed: int,
+        share: Share = Share(),  # noqa: B008 - it is immutable
+    ) -> None:
         self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
-        self._width, self._height = view.camera.resolution
-        self._origin, self._rotation = opaque_point(view.position), opaque_matrix(view.rotation)
-        self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place, draft=scene.render.draft)
-        self.pixels = influenced_pixels(view, prepared)
-        plate = self.plate.reshape(-1, 3)
-        light_paths = prepared.integrator.light_paths
-        self._light = None if light_paths is None else LightImage(light_paths, view, self.pixels, seed)
-        self._accumulator = Accumulator(plate, self.pixels, self._light)
-        some = plate[self.pixels[:: max(1, len(self.pixels) >> 16)]]
-        self._dark = DARK * float(np.median(some.mean(axis=1))) + 1e-12 if len(some) else 1.0
-        self._generator = np.random.default_rng(seed)
-        self._lights_served = 0
-        self._cache = prepared.integrator.new_cache()
+        self.share = share
+        self._width, self._height = view.resolution
+        with DEVICE_LOCK:
+            self.plate, self.alpha = render_plate(view, scene.panorama, prepared.place, draft=scene.render.draft)
+            self.pixels = influenced_pixels(view, prepared)
+            plate = self.plate.reshape(-1, 3)
+            light_tracer = prepared.integrator.light_tracer
+            self._light = None if light_tracer is None else LightImage(light_tracer, view, self.pixels, seed, share)
+            self._accumulator = Accumulator(plate, self.pixels, self._light)
+            some = plate[self.pixels[:: max(1, len(self.pixels) >> 16)]]
+            self._dark = DARK * float(np.median(some.mean(axis=1))) + 1e-12 if len(some) else 1.0
+            self._generator = np.random.default_rng(seed)
+            self._lights_served = 0
+            self._lights: LightList | None = None
+            self._lights_begun = self._generator.bit_generator.state
+            self._cache = prepared.integrator.new_cache()
+            # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
+            dr.flush_malloc_cache()
+        self._round: Round | None = None
+        self._digests: tuple[str, str] | None = None
+        self._trained = False
         self._learning_due = 0.0
         self._error, self._error_known, self._error_time = 0.0, False, -math.inf
-        dr.flush_malloc_cache()  # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
 
-    def run(self, samples: int, noise: float | None = None) -> Iterator[Progress]:
+    def run(self, samples: int, noise: float | None = None, region: Region | None = None) -> Iterator[Progress]:
         """Take samples, yielding after every pass; to stop early, stop iterating.
+
+        Called again with the same arguments it goes on where it was stopped, to the same image as without the stop. With
+        more ``samples`` than before it adds what is missing to those that there are.
 
         Args:
             samples: per pixel that is sampled, on average.
             noise: relative error at which a pixel is done; ``samples`` is then the largest number for any pixel.
+            region: sample only pixels in these columns and rows, (left, top, right, bottom), the last two beyond.
+
+        Raises:
+            InputError: the arguments are out of range, or a share is to follow a ``noise``.
         """
-        start = time.monotonic()
-        total = samples * len(self.pixels)
-        done = 0
-        wanted = np.full(len(self.pixels), _pilot(samples), np.int32)
-        while wanted.any():
-            for slots, counts in _passes(wanted):
-                self._sample(slots, counts)
-                done += int(counts.sum(dtype=np.int64))
-                elapsed = time.monotonic() - start
-                fraction = min(done / total, 1.0)
-                yield Progress(fraction, done / len(self.pixels), self._watched_error(), elapsed * (1 / fraction - 1))
-            wanted, total = self._allocate(samples, noise)
-        yield Progress(1.0, done / max(len(self.pixels), 1), self.error(), 0.0)
+        target = Target(samples, noise, region)
+        if noise is not None and self.share.count > 1:
+            raise InputError(
+                f"share {self.share}: how many samples a wanted noise takes depends on all shares; give samples alone"
+            )
+        return self._run(target)
+
+    def _run(self, target: Target) -> Iterator[Progress]:
+        start, spent = time.monotonic(), self._spent()
+        if self._round is None or self._round.target != target:
+            self._round = self._pilot_round(target)
+        while True:
+            this = self._round
+            for slots, counts in islice(_passes(this.wanted), this.begun, None):
+                self._sample(slots, counts, everywhere=this.pilot)
+                this.begun += 1
+                done, elapsed = self._spent(), time.monotonic() - start
+                fraction = min(done / self._work(this), 1.0)
+                left = elapsed * (1 - fraction) * done / max(fraction * (done - spent), 1e-30)
+                yield Progress(fraction, done / len(self.pixels), self._watched_error(), left)
+            following = self._next_round(this)
+            if following is None:
+                break
+            self._round = following
+        yield Progress(1.0, self._spent() / max(len(self.pixels), 1), self.error(), 0.0)
+
+    def _spent(self) -> int:
+        return int(self._accumulator.taken.sum(dtype=np.int64))
+
+    def _work(self, this: Round) -> float:
+        """Samples that this process will have taken when all is done."""
+        if self.share.count == 1:
+            return max(this.total, 1)
+        pilot = _pilot(this.target.samples) * len(self.pixels)
+        return max(pilot + (this.total - pilot) / self.share.count, 1)
 
     def complete(
         self,
@@ -147,12 +250,19 @@ class Rendering:
             noise: as for :meth:`run`; the scene's own setting by default.
             progress: told after every pass; where it returns true, the image is that of the samples so far.
             auxiliary: with object ids, depth, normals and albedo as well.
+
+        Raises:
+            InputError: as for :meth:`run`.
         """
-        settings = self._scene.render
-        for step in self.run(samples or settings.samples, settings.noise if noise is None else noise):
+        for step in self.run(*self.target(samples, noise)):
             if progress is not None and progress(step):
                 break
         return self.frame(auxiliary, finish=True)
+
+    def target(self, samples: int | None = None, noise: float | None = None) -> tuple[int, float | None]:
+        """The first two arguments for :meth:`run`, with the scene's own settings in place of ``None``."""
+        settings = self._scene.render
+        return settings.samples if samples is None else samples, settings.noise if noise is None else noise
 
     def frame(self, auxiliary: bool = True, finish: bool = False) -> Frame:
         """The image so far.
@@ -161,6 +271,10 @@ class Rendering:
             auxiliary: with object ids, depth, normals and albedo as well.
             finish: the rendering gives its memory to the image and cannot go on.
         """
+        with DEVICE_LOCK:
+            return self._frame(auxiliary, finish)
+
+    def _frame(self, auxiliary: bool, finish: bool) -> Frame:
         facts = self._facts()
         taken = self._accumulator.taken if finish else self._accumulator.taken.copy()
         means = dict(vars(self._accumulator.estimates(finish)))
@@ -175,16 +289,124 @@ class Rendering:
             samples=self._scattered(taken),
             metadata=facts,
             object_names=tuple(thing.name for thing in self._scene.synthetic),
+            topology=self._view.topology,
         )
         if auxiliary:
-            layers = render_auxiliary(self._view, self._prepared)
-            frame.object_id, frame.depth, frame.normal, frame.albedo = layers
+            names = shape_names(self._scene.synthetic)
+            seen = render_auxiliary(self._view, self._prepared, names, frame.coverage)
+            frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
+            frame.object_id = seen.mattes.dominant(frame.coverage.size).reshape(frame.coverage.shape)
         return frame
 
-    @property
-    def panoramic(self) -> bool:
-        """Whether the image is a full panorama, whose edges meet."""
-        return isinstance(self._view.camera, Equirectangular)
+    def origin(self, samples: int) -> Origin:
+        """Which picture this is, for ``samples`` samples a pixel."""
+        if self._digests is None:
+            self._digests = scene_digest(self._scene), view_digest(self._view)
+        scene, view = self._digests
+        path = "" if self._scene.path is None else str(self._scene.path)
+        size, version = (self._width, self._height), metadata.version("lightdepth")
+        camera = next((name for name, each in self._scene.cameras.items() if each is self._view), "")
+        draft = self._scene.render.draft
+        return Origin(scene, view, self._method, self._seed, size, samples, version, path, camera, draft)
+
+    def sums(self) -> PixelSums:
+        """The sums so far of this share's pixels, and of its paths from the light for all pixels."""
+        named, light_count = self._all_sums()
+        taken, mine = self._accumulator.taken.copy(), self.share.owns(np.arange(len(self.pixels)))
+        for name in ("change", "synthetic", "squares", "covered"):
+            named[name][~mine] = 0.0
+        taken[~mine] = 0
+        samples = 0 if self._round is None else self._round.target.samples
+        share = self.share
+        named |= {"pixels": self.pixels.copy(), "taken": taken}
+        return PixelSums(self.origin(samples), (share.index,), share.count, **named, light_count=light_count)
+
+    def adopt(self, sums: PixelSums) -> None:
+        """Put sums in place of what there is, merged ones for example.
+
+        Raises:
+            InputError: they are of another picture.
+        """
+        self._must_be_this(sums.origin.difference(self.origin(sums.origin.samples)))
+        if not np.array_equal(sums.pixels, self.pixels):
+            self._must_be_this("other pixels")
+        with DEVICE_LOCK:
+            self._accumulator.restore(sums.taken, sums.arrays())
+            if self._light is not None:
+                self._light.restore(sums.arrays(), sums.light_count, sums.light_count, 0)
+        self._error_known = False
+
+    def _all_sums(self) -> tuple[dict[str, NDArray[Any]], int]:
+        """The sums of all pixels by their name in :class:`PixelSums`, and how many light paths they are of."""
+        with DEVICE_LOCK:
+            named: dict[str, NDArray[Any]] = dict(self._accumulator.sums())
+            if self._light is not None:
+                light, count = self._light.sums()
+                return named | light, count
+        count = len(self.pixels)
+        none = {"light_change": (count, 3), "light_synthetic": (count, 3), "light_squares": (count,)}
+        return named | {name: np.zeros(shape, np.float32) for name, shape in none.items()}, 0
+
+    def _must_be_this(self, difference: str | None) -> None:
+        if difference is not None:
+            raise InputError(f"what was computed before is of another picture: it is of {difference}")
+
+    def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """All that this rendering's future depends on: plain values, and arrays by name. See :meth:`restore`."""
+        named, light_count = self._all_sums()
+        named |= {"pixels": self.pixels, "taken": self._accumulator.taken.copy()}
+        this = self._round
+        header: dict[str, Any] = {
+            "origin": vars(self.origin(0 if this is None else this.target.samples)),
+            "share": [self.share.index, self.share.count],
+            "light_count": light_count,
+            "light_begun": 0 if self._light is None else self._light.begun,
+            "light_blocks": 0 if self._light is None else self._light.blocks,
+            "generator": self._generator.bit_generator.state,
+            "lights_begun": None if self._lights is None else self._lights_begun,
+            "lights_served": self._lights_served,
+            "trained": self._trained,
+            "learning_due": self._learning_due,
+            "round": None if this is None else [vars(this.target), this.total, this.begun, this.pilot],
+        }
+        if this is not None:
+            named["wanted"] = this.wanted
+        if self._cache is not None:
+            named |= {f"cache_{name}": values for name, values in self._cache.contents().items()}
+        return header, named
+
+    def restore(self, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from a :meth:`state`, which may be another process's: the image becomes the same, bit for bit.
+
+        Raises:
+            InputError: it is the state of another picture.
+            KeyError, TypeError, ValueError: it is damaged.
+        """
+        origin = Origin(**{**header["origin"], "size": tuple(header["origin"]["size"])})
+        self._must_be_this(origin.difference(self.origin(origin.samples)))
+        if header["share"] != [self.share.index, self.share.count]:
+            self._must_be_this("another share")
+        if not np.array_equal(arrays["pixels"], self.pixels):
+            self._must_be_this("other pixels")
+        self._generator.bit_generator.state = header["generator"]
+        with DEVICE_LOCK:
+            self._accumulator.restore(arrays["taken"], arrays)
+            if self._light is not None:
+                self._light.restore(arrays, *(int(header[f"light_{name}"]) for name in ("count", "begun", "blocks")))
+            if header["lights_begun"] is not None:
+                generator = np.random.default_rng(0)
+                generator.bit_generator.state = self._lights_begun = header["lights_begun"]
+                self._lights = self._prepared.place.presample_lights(generator, LIGHTS)
+            if self._cache is not None:
+                self._cache.restore({name: arrays[f"cache_{name}"] for name in self._cache.contents()})
+        self._lights_served, self._trained = int(header["lights_served"]), bool(header["trained"])
+        self._learning_due, self._error_known = float(header["learning_due"]), False
+        self._round = None
+        if header["round"] is not None:
+            target, total, begun, pilot = header["round"]
+            region = None if target["region"] is None else tuple(target["region"])
+            target = Target(target["samples"], target["noise"], region)
+            self._round = Round(target, arrays["wanted"], int(total), int(begun), bool(pilot))
 
     def _facts(self) -> dict[str, str]:
         """For the file's header: how the image was made, and what was simplified."""
@@ -195,6 +417,7 @@ class Rendering:
             "samples": f"{self._accumulator.taken.mean():.1f}" if len(self.pixels) else "0",
             "error": f"{self.error():.5f}",
             "irradiance_error": f"{report.mean_error:.5f}",
+            EXPOSURE: f"{auto_exposure(self._scene.panorama.radiance):.3f}",
         }
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)
@@ -203,7 +426,8 @@ class Rendering:
     def error(self) -> float:
         """Estimated relative error of the sampled pixels, root mean square."""
         if len(self.pixels) and not self._error_known:
-            self._error = float(np.sqrt(np.mean(np.square(self._accumulator.relative_errors(self._dark)))))
+            with DEVICE_LOCK:
+                self._error = float(np.sqrt(np.mean(np.square(self._accumulator.relative_errors(self._dark)))))
             self._error_known = True
         return self._error
 
@@ -216,37 +440,72 @@ class Rendering:
             self._error_time = ended + max(SECONDS_BETWEEN_ERRORS, (ended - started) / ERROR_SHARE)
         return self._error
 
-    def _allocate(self, samples: int, noise: float | None) -> tuple[NDArray[np.int32], int]:
-        """How many more samples each pixel gets, multiples of ``QUANTUM``; all 0 when the work is done.
+    def _pilot_round(self, target: Target) -> Round:
+        """What a target begins with: no pixel has fewer samples than the pilot takes."""
+        taken = self._accumulator.taken.astype(np.int64)
+        wanted = self._inside(np.maximum(_pilot(target.samples) - taken, 0), target).astype(np.int32)
+        inside = self._inside(np.ones(taken.size, np.int64), target)
+        return Round(target, wanted, int((taken * (1 - inside)).sum() + target.samples * inside.sum()))
+
+    def _next_round(self, last: Round) -> Round | None:
+        """What is still wanted after a round, in multiples of ``QUANTUM``; ``None`` when the work is done.
 
         Without a wanted ``noise``, what remains after the pilot is spent at once in proportion to the error that each
         pixel's neighbours then had. With it, as many as the error calls for, in rounds that at most quadruple a pixel's
         samples.
-
-        Returns:
-            These numbers, and how many samples the whole image will have taken, as far as is known.
         """
-        taken = self._accumulator.taken
-        spent = int(taken.sum(dtype=np.int64))
-        if noise is None:
-            left = samples * taken.size - spent
-            if left < QUANTUM * taken.size / 64 or taken.max(initial=0) > _pilot(samples):
-                return np.zeros(taken.size, np.int32), spent
-            more = self._around(self._accumulator.relative_errors(self._dark, CONTRAST, with_light=False))
-            more *= left / max(float(more.sum(dtype=np.float64)), 1e-30)
-            np.minimum(more, MOST_SHARE * samples, out=more)
-            whole = spent + left
-        else:
-            # The error falls with the square root of the number of samples. A pixel is not done that stands out.
-            errors = self._accumulator.relative_errors(self._dark)
-            more = np.square(np.maximum(errors, self._around(errors)) / np.float32(noise))
-            more *= taken
-            np.minimum(more, samples, out=more)
+        target, taken = last.target, self._accumulator.taken
+        with DEVICE_LOCK:
+            more, whole = self._even(target) if target.noise is None else self._until(target, target.noise)
+        if more is None or (target.noise is None and not last.pilot):
+            return None
+        more = self._inside(more, target)
+        wanted = QUANTUM * np.floor(more / QUANTUM + 0.5).astype(np.int32)
+        return Round(target, wanted, max(whole, int(taken.sum(dtype=np.int64)) + 1), 0, False) if wanted.any() else None
+
+    def _even(self, target: Target) -> tuple[NDArray[np.float32] | None, int]:
+        """How many more samples each pixel gets where the errors are to become alike, and how many all will have."""
+        taken, samples = self._accumulator.taken, target.samples
+        inside = self._inside(np.ones(taken.size, np.int64), target)
+        size, spent = int(inside.sum()), int((taken * inside).sum(dtype=np.int64))
+        left = samples * size - spent
+        whole = int(taken.sum(dtype=np.int64)) + left
+        if left < max(QUANTUM * size / 64, 1):
+            return None, whole
+        more = self._around(self._accumulator.relative_errors(self._dark, CONTRAST, with_light=False))
+        if taken.max() > taken.min():
+            # Not after a pilot: the samples so far are part of what each pixel is due.
+            more *= np.sqrt(taken.astype(np.float32))
+            more = self._inside(more, target)
+            more *= samples * size / max(float(more.sum(dtype=np.float64)), 1e-30)
             more -= taken
             np.maximum(more, 0.0, out=more)
-            whole = spent + int(more.sum(dtype=np.float64))
-            np.minimum(more, 3.0 * taken, out=more)
-        return QUANTUM * np.floor(more / QUANTUM + 0.5).astype(np.int32), max(whole, spent + 1)
+        more = self._inside(more, target)
+        more *= left / max(float(more.sum(dtype=np.float64)), 1e-30)
+        np.minimum(more, MOST_SHARE * samples, out=more)
+        return more, whole
+
+    def _until(self, target: Target, noise: float) -> tuple[NDArray[np.float32], int]:
+        """How many more samples each pixel gets for a wanted noise, and how many all will have as far as is known."""
+        taken = self._accumulator.taken
+        # The error falls with the square root of the number of samples. A pixel is not done that stands out.
+        errors = self._accumulator.relative_errors(self._dark)
+        more = np.square(np.maximum(errors, self._around(errors)) / np.float32(noise))
+        more *= taken
+        np.minimum(more, target.samples, out=more)
+        more -= taken
+        np.maximum(more, 0.0, out=more)
+        whole = int(taken.sum(dtype=np.int64)) + int(more.sum(dtype=np.float64))
+        np.minimum(more, 3.0 * taken, out=more)
+        return more, whole
+
+    def _inside(self, values: NDArray, target: Target) -> NDArray:
+        """Values of the pixels of the list, 0 beyond the target's region."""
+        if target.region is None:
+            return values
+        left, top, right, bottom = target.region
+        row, column = np.divmod(self.pixels, np.uint32(self._width))
+        return np.where((column >= left) & (column < right) & (row >= top) & (row < bottom), values, 0)
 
     def _around(self, error: NDArray[np.float32]) -> NDArray[np.float32]:
         """Mean of the neighbours' errors.
@@ -259,7 +518,12 @@ class Rendering:
         kernel = np.ones((NEIGHBOURS, NEIGHBOURS), np.float32)
         kernel[NEIGHBOURS // 2, NEIGHBOURS // 2] = 0.0
         kernel /= kernel.sum()
-        around = np.asarray(cv2.filter2D(self._scattered(error), -1, kernel), np.float32).reshape(-1)
+        image, topology = self._scattered(error), self._view.topology
+        around = np.empty_like(image)
+        for chart in topology.charts:
+            window = topology.window(chart, chart, NEIGHBOURS // 2)
+            around[chart.slices] = cv2.filter2D(window.cut(image), -1, kernel)[window.inner]
+        around = around.reshape(-1)
         return around if around.size == error.size else around[self.pixels]
 
     def _scattered(self, values: NDArray) -> NDArray:
@@ -270,31 +534,47 @@ class Rendering:
         image[self.pixels] = values
         return image.reshape(self._height, self._width, *values.shape[1:])
 
-    def _sample(self, slots: NDArray[np.int64], counts: NDArray[np.int32]) -> None:
-        """One pass: ``counts`` samples for each of ``slots``."""
-        paths = int(counts.sum(dtype=np.int64))
-        if self._lights_served <= 0:
-            self._prepared.place.draw_lights(self._generator, LIGHTS)
+    def _sample(self, slots: NDArray[np.int64], counts: NDArray[np.int32], everywhere: bool) -> None:
+        """One pass: ``counts`` samples for each of ``slots``; only for those of this share, unless ``everywhere``.
+
+        Light lists and the radiance cache go by the pass of all shares, so that they are the same in each.
+        """
+        with DEVICE_LOCK:
+            paths = int(counts.sum(dtype=np.int64))
+            lights = self._light_list(paths)
+            # While the device is at one of these, the next is prepared, which takes about as long where samples are few.
+            arrivals = [] if self._light is None else self._light.follow(lights, paths)
+            self._learn(lights, paths)
+            if not everywhere:
+                mine = self.share.owns(slots)
+                slots, counts = slots[mine], counts[mine]
+            if len(slots):
+                sums = self._follow(lights, self.pixels[slots], self._accumulator.taken[slots], counts)
+            if self._light is not None:
+                for each in arrivals:
+                    self._light.add(each)
+            if len(slots):
+                self._accumulator.add(slots, sums, counts)
+            self._error_known = False
+            dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
+
+    def _light_list(self, paths: int) -> LightList:
+        """The light samples for the next ``paths`` camera paths: new ones once the last have served enough."""
+        if self._lights is None or self._lights_served <= 0:
+            self._lights_begun = self._generator.bit_generator.state
+            self._lights = self._prepared.place.presample_lights(self._generator, LIGHTS)
             self._lights_served = LIGHTS_SERVE
         self._lights_served -= paths
-        # While the device is at one of these, the next is prepared, which takes about as long where samples are few.
-        arrivals = [] if self._light is None else self._light.follow(paths)
-        self._learn(paths)
-        sums = self._follow(self.pixels[slots], self._accumulator.taken[slots], counts)
-        if self._light is not None:
-            for each in arrivals:
-                self._light.add(each)
-        self._accumulator.add(slots, sums, counts)
-        self._error_known = False
-        dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
+        return self._lights
 
-    def _learn(self, paths: int) -> None:
+    def _learn(self, lights: LightList, paths: int) -> None:
         """Let as many paths learn as the next ``paths`` that estimate pixels call for."""
         if self._cache is None:
             return
         self._learning_due += LEARNING_SHARE * paths
-        if not self._accumulator.taken.any():
+        if not self._trained:
             self._learning_due = max(self._learning_due, min(FIRST_SHARE * paths, FIRST_PATHS))
+            self._trained = True
         elif self._learning_due < WORTH_LEARNING:
             return
         lanes = math.ceil(self._learning_due / LEARNING_PATHS)
@@ -302,26 +582,24 @@ class Rendering:
         pixels = self._generator.choice(self.pixels, lanes)
         with self._cache.learn(lanes * LEARNING_PATHS):
             first = self._generator.integers(1 << 32, size=lanes)
-            self._follow(pixels, first, np.full(lanes, LEARNING_PATHS))
+            self._follow(lights, pixels, first, np.full(lanes, LEARNING_PATHS))
 
     def _follow(
-        self, pixels: NDArray[np.uint32], first: NDArray[np.integer], counts: NDArray[np.integer]
+        self, lights: LightList, pixels: NDArray[np.uint32], first: NDArray[np.integer], counts: NDArray[np.integer]
     ) -> CameraSums:
         """Follow ``counts`` paths for each pixel, from its sample number ``first`` on."""
         pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in (pixels, first, counts))
-        seed, camera = dr.opaque(mi.UInt32, self._seed), self._view.camera
+        seed = dr.opaque(mi.UInt32, self._seed)
         paths_a_sample = mi.Float(0.0) if self._light is None else self._light.paths_a_sample()
 
-        def camera_rays(number: mi.UInt32) -> tuple[Randoms, mi.Ray3f, mi.Bool, mi.Float]:
-            randoms = begin_path(pixel, offset + number, seed)
-            x, y = randoms.spread("film")
-            film = mi.Point2f((mi.Float(pixel % self._width) + x) / self._width, 0.0)
-            film.y = (mi.Float(pixel // self._width) + y) / self._height
-            start, direction, inside = camera.camera_rays(film, mi.Point2f(randoms.spread("lens")))
-            ray = mi.Ray3f(self._origin + self._rotation @ start, self._rotation @ direction)
-            return randoms, ray, inside, camera.pixel_angle(direction) * paths_a_sample
+        def camera_rays(number: mi.UInt32) -> tuple[Sampler, mi.Ray3f, mi.Bool, mi.Float]:
+            sampler = begin_path(pixel, offset + number, seed)
+            x, y = sampler.stratified("film")
+            column, row = mi.Float(pixel % self._width), mi.Float(pixel // self._width)
+            seen = self._view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(sampler.stratified("lens")))
+            return sampler, seen.ray, seen.inside, seen.solid_angle * paths_a_sample
 
-        sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, self._cache)
+        sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, lights, self._cache)
         dr.eval(sums)
         return sums
 

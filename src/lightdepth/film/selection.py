@@ -7,29 +7,27 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.bands import bands
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
-from lightdepth.kernel.real_surfaces import FaceKind
-from lightdepth.scene.model import CameraView
-from lightdepth.transport.methods import Prepared
+from lightdepth.cameras import Topology, Viewpoint
+from lightdepth.kernel.row_bands import bands
+from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.preparation import Prepared
 
 TILE = 8
 """Pixels along the side of the tiles that are kept or skipped as a whole."""
 
 
-def influenced_pixels(view: CameraView, prepared: Prepared) -> NDArray[np.uint32]:
+def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]:
     """Pixels that see new surfaces or surfaces that receive their influence, row-major indices, ascending.
 
     A ray is traced through each corner and the middle of every tile; a tile counts if it or any of its neighbours meets
     a synthetic or a support surface, or if an object's bounds reach into it, so that nothing thin is missed.
     """
     surfaces = prepared.surfaces
-    width, height = view.camera.resolution
+    width, height = view.resolution
     if not surfaces.has_synthetic and FaceKind.RELIT not in surfaces.kinds:
         return np.zeros(0, np.uint32)
     columns, rows = -(-width // TILE), -(-height // TILE)
     kept = np.zeros((rows, columns), bool)
-    origin, rotation = opaque_point(view.position), opaque_matrix(view.rotation)
     for band in bands(columns, rows):
         reached = mi.Bool(False)
         middle, corners = None, []
@@ -37,12 +35,12 @@ def influenced_pixels(view: CameraView, prepared: Prepared) -> NDArray[np.uint32
             film = mi.Point2f(
                 dr.minimum((band.column + x) * (TILE / width), 1.0), dr.minimum((band.row + y) * (TILE / height), 1.0)
             )
-            start, direction, inside = view.camera.camera_rays(film, mi.Point2f(0.5))
-            ray = mi.Ray3f(origin + rotation @ start, rotation @ direction)
+            seen = view.rays(film, mi.Point2f(0.5))
+            ray, inside = seen.ray, seen.inside
             found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
             on_real = surfaces.is_real(found)
-            kind = surfaces.real_hit(ray, found, on_real).kind
-            reached |= inside & found.is_valid() & ~(on_real & (kind == int(FaceKind.ENVIRONMENT)))
+            hit = surfaces.real_hit(ray, found, on_real)
+            reached |= inside & found.is_valid() & (~on_real | surfaces.receives(hit))
             if middle is None:
                 middle = ray
             else:
@@ -53,18 +51,31 @@ def influenced_pixels(view: CameraView, prepared: Prepared) -> NDArray[np.uint32
         if prepared.integrator.bounds is not None:
             reached |= prepared.integrator.bounds.near(middle, radius)
         kept[band.rows] = reached.numpy().reshape(band.shape)
-    return _pixels_of(_grown(kept), width, height)
+    return _pixels_of(_grown(kept, view.topology), width, height)
 
 
-def _grown(kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The kept tiles and all their neighbours, across the image's left and right edges as well."""
-    padded = np.pad(np.pad(kept, ((0, 0), (1, 1)), mode="wrap"), ((1, 1), (0, 0)))
-    rows, columns = kept.shape
-    result = np.zeros_like(kept)
-    for i in range(3):
-        for j in range(3):
-            result |= padded[i : i + rows, j : j + columns]
+def _grown(kept: NDArray[np.bool_], topology: Topology) -> NDArray[np.bool_]:
+    """The kept tiles and all their neighbours, beyond edges and seams of the film as well."""
+    result = kept.copy()
+    for chart in topology.charts:
+        rows, columns = _sides(chart.top, chart.bottom), _sides(chart.left, chart.right)
+        here = np.ix_(rows[1] // TILE, columns[1] // TILE)
+        for row in rows:
+            for column in columns:
+                above, beside = row[:, None], column[None, :]
+                if not topology.endless:
+                    above = np.clip(above, chart.top, chart.bottom - 1)
+                    beside = np.clip(beside, chart.left, chart.right - 1)
+                i, j = topology.beyond(chart, above, beside)
+                result[here] |= kept[i // TILE, j // TILE]
     return result
+
+
+def _sides(first: int, end: int) -> tuple[NDArray[np.intp], ...]:
+    """Of the tiles that rows or columns of a chart lie in: the pixels before, first, last and after them, in the chart."""
+    tiles = np.arange(first // TILE, -(-end // TILE))
+    begins, ends = np.maximum(tiles * TILE, first), np.minimum((tiles + 1) * TILE, end) - 1
+    return begins - 1, begins, ends, ends + 1
 
 
 def _pixels_of(tiles: NDArray[np.bool_], width: int, height: int) -> NDArray[np.uint32]:

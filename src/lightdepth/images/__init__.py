@@ -1,1 +1,1 @@
-"""Image files: OpenEXR, Radiance HDR and PNG."""
+"""Image files: OpenEXR and Radiance HDR, panoramas as cameras save them, and PNG."""

@@ -2,89 +2,75 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.errors import InputError
-from lightdepth.images.exr import ExrPart, read_exr, write_exr
-from lightdepth.images.rgbe import read_header
-from lightdepth.images.writing import whole_file
+from lightdepth.errors import InputError, warn
+from lightdepth.images.beauty import read_beauty
+from lightdepth.images.exr import ExrPart, write_exr
+from lightdepth.images.rgbe import read_rgbe, write_rgbe
 
 
 def _from_exr(path: Path) -> NDArray[np.float32]:
-    channels = read_exr(path, interleaved=True)[0].channels
-    for name in ("RGB", "RGBA"):
-        if name in channels:
-            return np.ascontiguousarray(channels[name][:, :, :3], dtype=np.float32)
-    raise InputError(f"{path}: has channels {', '.join(sorted(channels))}; R, G and B are needed")
-
-
-def _from_hdr(path: Path) -> NDArray[np.float32]:
-    header = read_header(path)
-    with _quiet_opencv():
-        try:
-            pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        except cv2.error as error:
-            raise InputError(f"{path}: not a readable Radiance HDR file ({error.err})") from error
-    if pixels is None or pixels.shape != (header.height, header.width, 3):
-        raise InputError(f"{path}: not a readable Radiance HDR file: its pixels are damaged or cut off")
-    for row in pixels:  # In place, because the image may be large.
-        row[:] = row[:, ::-1].copy()
-    if header.exposure != 1.0:
-        pixels /= np.float32(header.exposure)
-    return pixels
+    picture = read_beauty(path)
+    if picture.alpha is not None:
+        unknown = (picture.alpha <= 0.0) & (picture.radiance == 0.0).all(axis=2)
+        if unknown.any():
+            warn(f"{path}: {100.0 * unknown.mean():.3g} % of its pixels are transparent; they are black here")
+    return picture.radiance
 
 
 def _to_exr(path: Path, radiance: NDArray[np.float32]) -> None:
     write_exr(path, [ExrPart({"RGB": radiance})])
 
 
-def _to_hdr(path: Path, radiance: NDArray[np.float32]) -> None:
-    # OpenCV cuts the mantissas off. Half a step of the brightest channel's 8 bits more makes that rounding to nearest.
-    brightest = radiance.max(axis=2, keepdims=True)
-    half_step = np.where(brightest > 0.0, np.ldexp(np.float32(0.5), np.frexp(brightest)[1] - 8), np.float32(0.0))
-    with whole_file(path) as temporary, _quiet_opencv():
-        try:
-            written = cv2.imwrite(str(temporary), (radiance + half_step)[:, :, ::-1])
-        except cv2.error as error:
-            raise InputError(f"{path}: cannot be written ({error.err})") from error
-        if not written:
-            raise InputError(f"{path}: cannot be written (is the disk full?)")
-
-
-@contextmanager
-def _quiet_opencv() -> Iterator[None]:
-    """Keep OpenCV from printing what becomes an error message here."""
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        yield
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-
-
-READERS: dict[str, Callable[[Path], NDArray[np.float32]]] = {".exr": _from_exr, ".hdr": _from_hdr}
+READERS: dict[str, Callable[[Path], NDArray[np.float32]]] = {".exr": _from_exr, ".hdr": read_rgbe}
 """Readers by file name extension. A new format is one function and one line here."""
-WRITERS: dict[str, Callable[[Path, NDArray[np.float32]], None]] = {".exr": _to_exr, ".hdr": _to_hdr}
+WRITERS: dict[str, Callable[[Path, NDArray[np.float32]], None]] = {".exr": _to_exr, ".hdr": write_rgbe}
 """Writers by file name extension."""
+_STARTS = {b"\x76\x2f\x31\x01": ".exr", b"#?": ".hdr"}
+_OTHERS = {
+    b"\xff\xd8\xff": "a JPEG image",
+    b"\x89PNG": "a PNG image",
+    b"II*\0": "a TIFF image",
+    b"MM\0*": "a TIFF image",
+    b"PF\n": "a PFM image",
+    b"SIMPLE": "a FITS image",
+    b"<": "a text, perhaps an error page of the site that it came from",
+    b"version https://git-lfs": "a Git LFS pointer to the image; 'git lfs pull' fetches it",
+}
 
 
 def read_radiance(path: Path) -> NDArray[np.float32]:
-    """Read an image's radiance as it is in the file, unchecked.
+    """Read an image's radiance as it is in the file, unchecked, but in Rec.709.
+
+    What a file is, its content decides; an extension that says otherwise is warned of.
 
     Returns:
-        Linear RGB, shape (height, width, 3), float32.
+        Linear Rec.709, shape (height, width, 3), float32.
 
     Raises:
         InputError: the file is missing, unreadable, of another format, or lacks a colour channel.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
-    reader = READERS.get(path.suffix.lower())
+    suffix = path.suffix.lower()
+    try:
+        with path.open("rb") as file:
+            start = file.read(32)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    content = next((kind for sign, kind in _STARTS.items() if start.startswith(sign)), None)
+    if content is not None and content != suffix:
+        warn(f"{path}: is read as {content}, which it is by its content, though it is named '{suffix}'")
+    if content is None and suffix in READERS:
+        other = next((kind for sign, kind in _OTHERS.items() if start.startswith(sign)), None)
+        if other is not None:
+            raise InputError(f"{path}: is {other}; formats for radiance are {', '.join(READERS)}")
+    reader = READERS.get(content or suffix)
     if reader is None:
         raise InputError(f"{path}: '{path.suffix}' is not a format for radiance; allowed are {', '.join(READERS)}")
     return reader(path)

@@ -8,9 +8,9 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 
-Curve = Literal["agx", "filmic", "linear"]
+Curve = Literal["agx-like", "filmic", "linear"]
 Rgb = NDArray[np.float32]
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
@@ -19,8 +19,9 @@ MIDDLE_GREY = 0.18
 AVERAGE_LUMINANCE = 0.25
 """What automatic exposure aims at: half a stop above middle grey, for walls are lighter than a grey card."""
 
-# The AgX curve (Troy Sobotka) in its published numbers: 16.5 stops around middle grey on a logarithmic scale, a sigmoid
-# with its pivot at middle grey and slope 2.4, toe of power 1.5, shoulder of power 1.5.
+# The sigmoid of AgX (Troy Sobotka) in its published numbers: 16.5 stops around middle grey on a logarithmic scale, pivot at
+# middle grey, slope 2.4, toe and shoulder of power 1.5. Primaries, inset and rotation are not those of AgX, so the
+# colours are not either: hence "like".
 _STOPS_BELOW, _STOPS_ABOVE = 10.0, 6.5
 _PIVOT_X = _STOPS_BELOW / (_STOPS_BELOW + _STOPS_ABOVE)
 _PIVOT_Y = MIDDLE_GREY ** (1.0 / 2.2)
@@ -30,13 +31,15 @@ _SLOPE, _POWER = 2.4, 1.5
 _INSET, _OUTSET = 0.2, 0.12
 
 
-def tone_map(radiance: NDArray[np.float32], exposure_stops: float = 0.0, curve: Curve = "agx") -> NDArray[np.uint8]:
+def tone_map(
+    radiance: NDArray[np.float32], exposure_stops: float = 0.0, curve: Curve = "agx-like"
+) -> NDArray[np.uint8]:
     """Turn linear radiance into pixels for the screen.
 
     Args:
         radiance: linear Rec.709, shape (height, width, 3), float32; values that are not finite show as black or white.
         exposure_stops: the radiance is multiplied by two to this power first.
-        curve: ``agx`` (highlights fade to white, 6.5 stops above middle grey), ``filmic`` (per channel, J. Hable's
+        curve: ``agx-like`` (highlights fade to white, 6.5 stops above middle grey), ``filmic`` (per channel, J. Hable's
             curve of 2010) or ``linear`` (cut at 1).
 
     Returns:
@@ -45,6 +48,9 @@ def tone_map(radiance: NDArray[np.float32], exposure_stops: float = 0.0, curve: 
     Raises:
         InputError: there is no such curve.
     """
+    if curve in FORMER_NAMES:
+        warn(f"tone curve '{curve}' is now called '{FORMER_NAMES[curve]}'")
+        curve = FORMER_NAMES[curve]
     if curve not in CURVES:
         raise InputError(f"tone curve '{curve}': allowed are {', '.join(get_args(Curve))}")
     pixels = np.empty(radiance.shape, dtype=np.uint8)
@@ -79,8 +85,8 @@ def auto_exposure(radiance: NDArray[np.float32], alpha: NDArray[np.float32] | No
     return float(np.log2(AVERAGE_LUMINANCE) - np.clip(stops, *np.percentile(stops, [5.0, 95.0])).mean())
 
 
-def _agx(radiance: Rgb) -> Rgb:
-    """AgX-like: returns display-linear values, about [0, 1]."""
+def _agx_like(radiance: Rgb) -> Rgb:
+    """Returns display-linear values, about [0, 1]."""
     inset = _toward_grey(_INSET)
     stops = np.log2(np.maximum(radiance @ inset.T, 1e-10) / np.float32(MIDDLE_GREY))
     position = np.clip((stops + _STOPS_BELOW) / (_STOPS_BELOW + _STOPS_ABOVE), 0.0, 1.0)
@@ -125,8 +131,10 @@ def _linear(radiance: Rgb) -> Rgb:
     return radiance
 
 
-CURVES: dict[str, Callable[[Rgb], Rgb]] = {"agx": _agx, "filmic": _filmic, "linear": _linear}
+CURVES: dict[str, Callable[[Rgb], Rgb]] = {"agx-like": _agx_like, "filmic": _filmic, "linear": _linear}
 """The curves by name; each maps exposed radiance to linear light of the screen."""
+FORMER_NAMES: dict[str, Curve] = {"agx": "agx-like"}
+"""Names that are still understood."""
 
 
 def _encode_srgb(linear: Rgb) -> Rgb:

@@ -113,7 +113,7 @@ def validate_panorama(radiance: NDArray[np.float32], path: Path, repair: bool = 
     if width != 2 * height:
         raise InputError(
             f"{path}: is {width} x {height} pixels; a panorama must be twice as wide as high (360 x 180 degrees), "
-            f"such as {2 * height} x {height}"
+            f"such as {2 * height} x {height}{_other_projection(width, height)}"
         )
     if width < SMALLEST_WIDTH:
         raise InputError(
@@ -124,6 +124,15 @@ def validate_panorama(radiance: NDArray[np.float32], path: Path, repair: bool = 
     if severe and not repair:
         raise InputError(f"{path}: {'; '.join(map(str, severe))}. `--repair` replaces them")
     return _repaired(radiance) if defects else radiance
+
+
+def _other_projection(width: int, height: int) -> str:
+    """What else a picture of this shape may be, for a message."""
+    if width == height:
+        return ". A square picture may be a light probe, a fisheye or a stereo pair, one above the other"
+    if any(width * rows == height * columns for columns, rows in ((4, 3), (3, 4), (6, 1), (1, 6), (3, 2))):
+        return ". A picture of this shape may be a cube map; convert it first"
+    return ""
 
 
 def _repaired(radiance: NDArray[np.float32]) -> NDArray[np.float32]:

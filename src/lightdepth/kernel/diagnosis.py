@@ -77,8 +77,7 @@ def trial_render(device: Device = "auto") -> Trial:
     """Render a white diffuse ball under an even white sky: the mean radiance must be 1 (the furnace test).
 
     Raises:
-        SetupError: Mitsuba does not start.
-        InputError: the device is not there.
+        SetupError: Mitsuba does not start, or the device is not there.
     """
     variant = start(device)
     import drjit as dr

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned_columns
-from lightdepth.kernel.real_surfaces import face_normals
 from lightdepth.kernel.start import start
+from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Mesh
 
 if TYPE_CHECKING:

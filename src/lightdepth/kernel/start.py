@@ -6,13 +6,20 @@ import ctypes
 import os
 import re
 import sys
-from functools import cache
+import threading
 from pathlib import Path
 from typing import Literal
 
-from lightdepth.errors import InputError, SetupError
+from lightdepth.errors import SetupError
 
 Device = Literal["auto", "cpu", "cuda"]
+"""Where to compute; ``auto`` is the CPU, on which everything is tested."""
+VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
+"""Mitsuba's variants by device."""
+DEVICE_LOCK = threading.RLock()
+"""Held while a thread traces or launches kernels: Dr.Jit records one computation at a time, and a pass keeps the whole
+device busy anyway. Renderings in several threads take turns pass by pass."""
+_LOCK = threading.Lock()
 OLDEST_LLVM = 17
 _INSTALL_HINT = (
     "Install it with `pip install karellen-llvm-core`, or set DRJIT_LIBLLVM_PATH to the file of a libLLVM shared "
@@ -69,41 +76,71 @@ def libllvm_version(library: Path) -> int:
     return major.value
 
 
-@cache
 def start(device: Device = "auto") -> str:
-    """Load Mitsuba and choose its variant; calling it again does nothing.
+    """Load Mitsuba and choose its variant; a process keeps the one that it started with.
 
     Args:
-        device: ``cpu`` (LLVM), ``cuda``, or ``auto``: CUDA where it works, else LLVM.
+        device: ``cpu`` (LLVM), ``cuda``, or ``auto``: what the process has started with, else the CPU.
 
     Returns:
         The variant's name.
 
     Raises:
-        SetupError: libLLVM is missing, too old or broken, or Dr.Jit was imported before and found an old one by itself.
-        InputError: CUDA was asked for and is not there.
+        SetupError: libLLVM is missing, too old or broken, or Dr.Jit was imported before and found an old one by itself;
+            CUDA was asked for and there is none; or the process already computes on another device.
     """
-    if device != "cuda":
+    with _LOCK:
+        return _start(device)
+
+
+def _start(device: Device) -> str:
+    started = sys.modules.get("mitsuba")
+    variant = None if started is None else started.variant()
+    if variant is None:
+        variant = _load(device)
+    if variant not in VARIANTS.values():
+        raise SetupError(
+            f"this process has started Mitsuba with the variant '{variant}'; lightdepth needs one of "
+            f"{', '.join(VARIANTS.values())}: start it before, or use another process"
+        )
+    running = "cpu" if variant == VARIANTS["cpu"] else "cuda"
+    if device not in ("auto", running):
+        raise SetupError(
+            f"device '{device}': this process already computes on '{running}' ({variant}), and cannot change; "
+            f"choose '{device}' before anything else starts the renderer, or use another process"
+        )
+    if running == "cpu":
+        import drjit as dr
+
+        if (loaded := dr.detail.llvm_version())[0] < OLDEST_LLVM:
+            raise SetupError(
+                f"Dr.Jit was imported before lightdepth started, and had loaded libLLVM {loaded[0]}; {OLDEST_LLVM} or "
+                "later is needed. Import drjit and mitsuba after `lightdepth.kernel.start.start()`, or set "
+                f"DRJIT_LIBLLVM_PATH to {find_libllvm()}."
+            )
+    return str(variant)
+
+
+def _load(device: Device) -> str:
+    try:
         library = find_libllvm()
         libllvm_version(library)
         os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
+    except SetupError:
+        if device != "cuda":
+            raise
     import drjit as dr
     import mitsuba as mi
 
-    if mi.variant() is None:
-        wanted = {"cpu": ["llvm_ad_rgb"], "cuda": ["cuda_ad_rgb"], "auto": ["cuda_ad_rgb", "llvm_ad_rgb"]}[device]
-        try:
-            mi.set_variant(*wanted)
-        except (ImportError, RuntimeError) as error:
-            if device == "cuda":
-                raise InputError(f"--device cuda: no usable CUDA device ({error}); allowed here: auto, cpu") from error
-            raise SetupError(f"Mitsuba did not start ({error})") from error
-        mi.set_log_level(mi.LogLevel.Error)
-    variant = str(mi.variant())
-    if variant.startswith("llvm") and (loaded := dr.detail.llvm_version())[0] < OLDEST_LLVM:
+    if device == "cuda" and not dr.has_backend(dr.JitBackend.CUDA):
         raise SetupError(
-            f"Dr.Jit was imported before lightdepth started, and had loaded libLLVM {loaded[0]}; {OLDEST_LLVM} or later "
-            "is needed. Import drjit and mitsuba after `lightdepth.kernel.start.start()`, or set DRJIT_LIBLLVM_PATH to "
-            f"{find_libllvm()}."
+            "device 'cuda': there is no usable CUDA device here (an NVIDIA GPU and its driver are needed); "
+            "allowed here: auto, cpu"
         )
+    variant = VARIANTS["cuda" if device == "cuda" else "cpu"]
+    try:
+        mi.set_variant(variant)
+    except (ImportError, RuntimeError) as error:
+        raise SetupError(f"Mitsuba did not start with {variant} ({error})") from error
+    mi.set_log_level(mi.LogLevel.Error)
     return variant

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.images.chromaticities import converted, primaries_of, to_rec709
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.images.validation import validate_panorama
 
@@ -44,7 +44,7 @@ def write_light_depth_map(path: Path, light_depth_map: LightDepthMap) -> None:
     pose[:3, :3] = light_depth_map.rotation
     pose[3, :3] = -light_depth_map.position @ light_depth_map.rotation
     channels = {"RGB": light_depth_map.radiance, "Z": light_depth_map.depth}
-    write_exr(path, [ExrPart(channels, "", {"envmap": OpenEXR.ENVMAP_LATLONG, POSE: pose})])
+    write_exr(path, [ExrPart(channels, "", {"envmap": "latlong", POSE: pose})])
 
 
 def read_light_depth_map(path: Path) -> LightDepthMap:
@@ -59,11 +59,13 @@ def read_light_depth_map(path: Path) -> LightDepthMap:
     if radiance is None or "Z" not in part.channels:
         found = ", ".join(sorted(part.channels))
         raise InputError(f"{path}: a light-depth map has the channels R, G, B and Z; found {found}")
-    if part.header.get("envmap", OpenEXR.ENVMAP_LATLONG) != OpenEXR.ENVMAP_LATLONG:
+    if part.header.get("envmap", "latlong") != "latlong":
         raise InputError(f"{path}: envmap in its header must be latlong (equirectangular)")
     if POSE not in part.header:
         raise InputError(f"{path}: the capture pose is missing; its header must have {POSE}, a 4 x 4 matrix")
-    valid = validate_panorama(np.ascontiguousarray(radiance[:, :, :3], dtype=np.float32), path)
+    linear = np.ascontiguousarray(radiance[:, :, :3], dtype=np.float32)
+    matrix = to_rec709(primaries_of(part.header, path), path)
+    valid = validate_panorama(converted(linear, matrix), path)
     depth = part.channels["Z"].astype(np.float32, copy=False)
     _check_depth(depth, path)
     return LightDepthMap(valid, depth, *_pose(np.asarray(part.header[POSE], dtype=np.float64), path))

@@ -14,6 +14,7 @@ from scipy import ndimage
 from lightdepth.directions import pixel_directions, pixel_solid_angles
 from lightdepth.kernel.raycasting import Hits, RayCaster
 from lightdepth.reconstruction.pose import Pose
+from lightdepth.regions import connected_regions
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
 HEIGHT = 512
@@ -73,7 +74,7 @@ def measure_coverage(surfaces: Sequence[RealSurface], pose: Pose, sky: NDArray[n
     hit, beyond = float(weights[~missed].sum()), float(weights[missed & declared].sum())
     if not gaps.any():
         return Coverage(hit, beyond, 0.0)
-    regions, count = ndimage.label(gaps)
+    regions, count = connected_regions(gaps)
     shares = ndimage.sum_labels(weights, regions, np.arange(1, count + 1))
     largest = regions == 1 + int(np.argmax(shares))
     middle = np.einsum("ij,ijk->k", weights * largest, pixel_directions(HEIGHT, 2 * HEIGHT))

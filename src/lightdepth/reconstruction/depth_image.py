@@ -8,13 +8,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from lightdepth.directions import pixel_solid_angles
 from lightdepth.errors import InputError
-from lightdepth.images.exr import read_exr
+from lightdepth.images.distances import Kind, along_rays, check_kind, read_distances, warn_of_doubts
+from lightdepth.regions import connected_regions
 
 FloatArray = NDArray[np.float64]
 
@@ -47,77 +47,46 @@ class DepthImage:
         return np.isnan(self.depth)
 
 
-def read_depth_image(path: Path, scale: float | None = None, sky: bool = False) -> DepthImage:
+def read_depth_image(
+    path: Path,
+    scale: float | None = None,
+    sky: bool = False,
+    kind: Kind | None = None,
+    sky_beyond: float | None = None,
+    channel: str | None = None,
+) -> DepthImage:
     """Read an equirectangular depth image.
 
     Args:
-        path: OpenEXR (channel Z, else Y, V or R), 16-bit PNG, or a NumPy array in a .npy file.
-        scale: metres per unit of the file; a PNG must have it, for the others ``None`` is 1.
-        sky: what was not measured (NaN, 0, negative, or 65535 in a PNG) is sky. Infinite distances always are.
+        path: OpenEXR, 16-bit PNG, or a NumPy array in a .npy file; see :func:`lightdepth.images.distances.read_distances`.
+        scale: metres per unit of the file; whole numbers must have it, for others ``None`` is 1. Of disparity, the
+            distance in metres of a disparity of 1.
+        sky: what was not measured (NaN, 0, negative, or 65535 in a PNG) is sky. Infinite distances always are, as are the
+            numbers by which renderers mark them.
+        kind: what the file holds; ``None`` is distances along the rays, if they look like such.
+        sky_beyond: metres from which on a distance is sky.
+        channel: of an OpenEXR file, where it is not found by itself.
 
     Raises:
-        InputError: the file is missing, unreadable, of another format or shape, a PNG is given without a scale, or
-            nothing is measured in it.
+        InputError: the file is missing, unreadable, of another format or shape, holds whole numbers and is given without
+            a scale, holds distances along the viewing axis though no kind is given, or nothing is measured in it.
     """
-    if not path.is_file():
-        raise InputError(f"{path}: no such file")
-    suffix = path.suffix.lower()
-    if suffix == ".exr":
-        values = _from_exr(path)
-    elif suffix == ".npy":
-        values = _from_npy(path)
-    elif suffix == ".png":
-        values = _from_png(path)
-        if scale is None:
-            raise InputError(
-                f"{path}: a PNG holds whole numbers; give --scale, the metres of one (0.001 for millimetres)"
-            )
-    else:
-        raise InputError(f"{path}: '{path.suffix}' is not a format for depth; allowed are .exr, .png (16 bit), .npy")
-    if values.ndim != 2 or values.shape[1] != 2 * values.shape[0] or values.shape[0] < 8:
-        raise InputError(
-            f"{path}: depth has shape {values.shape}; rows and columns are needed, twice as many columns as rows, and "
-            "at least 8 rows"
-        )
-    depth = values * (1.0 if scale is None else scale)
+    values, whole = read_distances(path, channel)
+    if values.shape[0] < 8:
+        raise InputError(f"{path}: depth has {values.shape[0]} rows; at least 8 are needed")
+    if whole and scale is None:
+        raise InputError(f"{path}: holds whole numbers; give --scale, the metres of one (0.001 for millimetres)")
+    if kind is None:
+        check_kind(path, values)
+    depth = along_rays(values, kind or "ray", 1.0 if scale is None else scale)
     depth[~(depth > 0.0)] = np.inf if sky else np.nan
+    if sky_beyond is not None:
+        depth[depth >= sky_beyond] = np.inf
     if not np.isfinite(depth).any():
         raise InputError(f"{path}: no pixel holds a positive, finite distance")
+    if scale is None:
+        warn_of_doubts(path, depth)
     return DepthImage(depth)
-
-
-def _from_exr(path: Path) -> FloatArray:
-    parts = read_exr(path)
-    for name in ("Z", "Y", "V", "R"):
-        for part in parts:
-            if name in part.channels:
-                return part.channels[name].astype(np.float64)
-    found = ", ".join(sorted(name for part in parts for name in part.channels))
-    raise InputError(f"{path}: has no channel of distances (Z, Y, V or R), but {found}")
-
-
-def _from_npy(path: Path) -> FloatArray:
-    try:
-        values = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: not a readable .npy file ({error})") from error
-    if not np.issubdtype(values.dtype, np.floating) and not np.issubdtype(values.dtype, np.integer):
-        raise InputError(f"{path}: holds {values.dtype}; distances are numbers")
-    return values.astype(np.float64)
-
-
-def _from_png(path: Path) -> FloatArray:
-    values = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if values is None:
-        raise InputError(f"{path}: not a readable PNG file")
-    if values.dtype != np.uint16 or values.ndim != 2:
-        channels = 1 if values.ndim == 2 else values.shape[2]
-        raise InputError(
-            f"{path}: has {channels} channel(s) of {8 * values.itemsize} bit; depth needs one channel of 16 bit"
-        )
-    depth = values.astype(np.float64)
-    depth[values == 65535] = np.nan
-    return depth
 
 
 def reduced(image: DepthImage, max_width: int) -> DepthImage:
@@ -228,7 +197,7 @@ def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray
     """
     result = reciprocal.copy()
     known = known & (reciprocal > 0.0)
-    regions, count = _label(unknown)
+    regions, count = connected_regions(unknown)
     low, high = np.full(count + 1, np.inf), np.zeros(count + 1)
     for beside, value in zip(_neighbours(known), _neighbours(reciprocal), strict=True):
         border = unknown & beside
@@ -245,16 +214,6 @@ def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray
             here = regions[region]
             result[region] = np.clip(_solve(reciprocal, region, known, constant), 0.5 * low[here], 4.0 * high[here])
     return result
-
-
-def _label(mask: NDArray[np.bool_]) -> tuple[NDArray[np.int32], int]:
-    """Connected regions of a panorama from 1 on, joined across its left and right edge; 0 elsewhere."""
-    labels, count = ndimage.label(mask)
-    for row in range(len(labels)):
-        left, right = labels[row, 0], labels[row, -1]
-        if left and right and left != right:
-            labels[labels == right] = left
-    return labels, count
 
 
 def _neighbours(values: NDArray) -> list[NDArray]:

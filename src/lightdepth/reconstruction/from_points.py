@@ -51,10 +51,11 @@ def surfaces_from_points(
         ``floor`` (support) and ``place`` (environment); together they are closed, but for ``keep_open``.
 
     Raises:
-        InputError: too few points are left after cleaning, or there is no floor.
+        InputError: the points lie elsewhere than the capture point, too few are left after cleaning, or there is no floor.
         SetupError: PyMeshLab is missing.
         LightdepthError: the surface could not be reconstructed.
     """
+    _check_place(cloud, pose)
     progress("Cleaning points", 0.0)
     cloud = without_outliers(thinned(cloud, cell / POINTS_PER_CELL))
     if len(cloud.points) < 100:
@@ -79,6 +80,18 @@ def surfaces_from_points(
     progress("Reconstructing the surface", 1.0)
     found, surfaces = split_roles(mesh, pose, floor_tolerance)
     return Measured(surfaces, found)
+
+
+def _check_place(cloud: PointCloud, pose: Pose) -> None:
+    """Refuse points that lie farther from the capture point than they reach, as in a surveyor's coordinates."""
+    low, high = np.percentile(cloud.points, [1.0, 99.0], axis=0)
+    away = float(np.linalg.norm(np.maximum(np.maximum(low - pose.position, pose.position - high), 0.0)))
+    if away > np.linalg.norm(high - low):
+        middle = ",".join(f"{value:.1f}" for value in (low + high) / 2.0)
+        raise InputError(
+            f"the points lie around {middle}, {away:.4g} m from the capture point, which is farther than they reach; bring "
+            "them to the world of the pose by --origin, --scale and --up"
+        )
 
 
 def _floor_under_the_scanner(points: FloatArray, floor: Plane, tolerance: float, cell: float) -> FloatArray:

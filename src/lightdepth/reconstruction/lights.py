@@ -53,11 +53,23 @@ class Source:
     u: float
     v: float
 
+    @property
+    def azimuth(self) -> float:
+        """Degrees clockwise of the world's y axis, seen from above, from -180 to 180."""
+        return float(np.degrees(np.arctan2(self.direction[0], self.direction[1])))
+
+    @property
+    def elevation(self) -> float:
+        """Degrees above the horizontal."""
+        return float(np.degrees(np.arcsin(np.clip(self.direction[2], -1.0, 1.0))))
+
     def as_dict(self) -> dict[str, Any]:
         """For JSON and CSV; metres, degrees for the size of sky; ``None`` where sky has no place."""
         return {
             "position": None if self.position is None else [round(float(x), 4) for x in self.position],
             "direction": [round(float(x), 6) for x in self.direction],
+            "azimuth": round(self.azimuth, 3),
+            "elevation": round(self.elevation, 3),
             "distance": None if self.position is None else round(self.distance, 4),
             "size": [round(x, 4) for x in self.size],
             "size_unit": "degrees" if self.position is None else "metres",

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from lightdepth.directions import euler_rotation
+from lightdepth.directions import euler_rotation, rotation_to_euler
 from lightdepth.errors import InputError
-from lightdepth.images.radiance import read_radiance
+from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.validation import validate_panorama
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.problems import Problems
@@ -30,12 +30,14 @@ class Place:
         rotation_degrees: the pose's rotation as XYZ Euler angles, for a new scene file.
         radiance: linear RGB, shape (height, 2 height, 3), float32; ``None`` where no panorama was given.
         image: the panorama's file.
+        notes: what of that file makes pictures wrong in places, a sentence each.
     """
 
     pose: Pose
     rotation_degrees: Three
     radiance: NDArray[np.float32] | None = None
     image: Path | None = None
+    notes: tuple[str, ...] = ()
 
 
 def read_place(
@@ -47,9 +49,10 @@ def read_place(
     """Read a panorama, or the ``[panorama]`` of a scene file whose meshes need not exist yet.
 
     Args:
-        source: a panorama (.exr, .hdr) or a scene file (.toml), or ``None``.
+        source: a panorama or a scene file (.toml), or ``None``.
         position: capture point, world, metres; it goes before that of the scene file.
-        rotation: light space to world, XYZ Euler, degrees; it goes before that of the scene file.
+        rotation: light space to world, XYZ Euler, degrees; it goes before that of the scene file, and that before what
+            the panorama's metadata says.
         default_height: z of the capture point where nothing else gives a position, metres.
 
     Raises:
@@ -60,14 +63,23 @@ def read_place(
         table = _panorama_table(source)
         image = table.image
         position, rotation = position or table.position, rotation or table.rotation
+    notes: tuple[str, ...] = ()
     if image is not None:
-        radiance = validate_panorama(read_radiance(image), image)
+        found = read_panorama(image)
+        radiance, notes = validate_panorama(found.radiance, image), found.notes
+        if rotation is None and found.rotation is not None:
+            rotation = _rounded(rotation_to_euler(found.rotation))
     if position is None:
         if default_height is None:
             raise InputError('the capture point is not known: give a scene file, or --position "x,y,z" in metres')
         position = (0.0, 0.0, default_height)
     rotation = rotation or (0.0, 0.0, 0.0)
-    return Place(Pose(np.array(position), euler_rotation(rotation)), rotation, radiance, image)
+    return Place(Pose(np.array(position), euler_rotation(rotation)), rotation, radiance, image, notes)
+
+
+def _rounded(degrees: NDArray[np.float64]) -> Three:
+    x, y, z = (round(float(angle), 5) + 0.0 for angle in degrees)
+    return x, y, z
 
 
 def parse_three(text: str | None, option: str) -> Three | None:

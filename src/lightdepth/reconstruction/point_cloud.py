@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.errors import InputError, SetupError
+from lightdepth.errors import InputError, SetupError, warn
 from lightdepth.packages import optional_package
+from lightdepth.reconstruction.point_text import read_text_points
 
 FloatArray = NDArray[np.float64]
 
@@ -39,7 +40,8 @@ def read_points(
     """Read a point cloud and bring it to metres with z up.
 
     Args:
-        path: a .ply, .las, .laz, .e57, .xyz, .txt, .csv or .pts file; of the last four the first three columns count.
+        path: a .ply, .las, .laz, .e57, .xyz, .txt, .csv or .pts file; of the last four see
+            :func:`lightdepth.reconstruction.point_text.read_text_points`.
         scale: metres per unit of the file.
         up: the file's axis that points up, ``z`` or ``y``.
         origin: the point, in the file's own coordinates, that becomes the world's origin.
@@ -61,8 +63,13 @@ def read_points(
     except (InputError, SetupError):
         raise
     except Exception as error:  # The packages that read these formats raise whatever they meet.
-        raise InputError(f"{path}: not a readable {path.suffix} file of points ({error})") from error
-    cloud = cloud.chosen(np.all(np.isfinite(cloud.points), axis=1))
+        raise InputError(f"{path}: not a readable {path.suffix} file of points: it is damaged or cut off") from error
+    finite = np.all(np.isfinite(cloud.points), axis=1)
+    if not finite.all():
+        warn(
+            f"{path}: {np.count_nonzero(~finite)} of {finite.size} points have no finite coordinates; they are left out"
+        )
+    cloud = cloud.chosen(finite)
     if len(cloud.points) < 100:
         raise InputError(f"{path}: has {len(cloud.points)} points with finite coordinates; at least 100 are needed")
     turn = np.eye(3) if up == "z" else np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -109,21 +116,7 @@ def _from_e57(path: Path) -> PointCloud:
 
 
 def _from_text(path: Path) -> PointCloud:
-    lines = path.read_text(encoding="utf-8", errors="strict").splitlines()
-    comma = sum("," in line for line in lines[:10]) > 5
-    first = next((i for i, line in enumerate(lines) if _is_point(line, comma)), 0)  # After a title or a count.
-    points = np.loadtxt(
-        lines[first:], delimiter="," if comma else None, usecols=(0, 1, 2), comments=("#", "//"), ndmin=2
-    )
-    return PointCloud(points)
-
-
-def _is_point(line: str, comma: bool) -> bool:
-    words = line.split(",") if comma else line.split()
-    try:
-        return len([float(word) for word in words[:3]]) == 3
-    except ValueError:
-        return False
+    return PointCloud(read_text_points(path))
 
 
 READERS: dict[str, Callable[[Path], PointCloud]] = {

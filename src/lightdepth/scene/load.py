@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,9 +12,12 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Camera, Equirectangular
 from lightdepth.directions import euler_rotation, look_at_rotation
 from lightdepth.errors import InputError
+from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.scene.depth import read_depth
+from lightdepth.scene.lights import ClippedTable, SunTable
+from lightdepth.scene.lights.clipped import unclipped
 from lightdepth.scene.materials import Principled, Texture
 from lightdepth.scene.meshes import MeshPart, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
@@ -29,12 +33,14 @@ from lightdepth.scene.model import (
     RenderSettings,
     Role,
     Scene,
+    SunLight,
     SyntheticObject,
     SyntheticPart,
 )
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.scene_file import read_tables
-from lightdepth.scene.schema import CapturePose, MeshObject, Picture, RealTable, SphereObject, UnitShapeObject
+from lightdepth.scene.schema import CapturePose, MeshObject, OnSpot, Picture, RealTable, SphereObject, UnitShapeObject
+from lightdepth.scene.spot import angles_direction, find_spot, pixel_direction, standing_placement
 
 NO_PICTURE = np.zeros((0, 0, 3), np.float32)
 """Radiance of a panorama whose image cannot be read."""
@@ -89,12 +95,20 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
     for number, surface in enumerate(tables.real):
         with problems.noting(("real", number)):
             real += [] if surface is None else [_real_surface(surface)]
+    pose = tables.pose or CapturePose()
+    panorama = _panorama(pose, tables.picture, repair, problems)
+    lights: list[SunLight] = []
+    for number, light in enumerate(tables.lights):
+        with problems.noting(("light", number)):
+            if isinstance(light, ClippedTable) and panorama.radiance.size:
+                light_map = unclipped(panorama.light_radiance, light.source())
+                panorama = replace(panorama, unclipped=light_map)
+            elif isinstance(light, SunTable):
+                lights.append(_sun(light))
     synthetic: list[SyntheticObject] = []
     for number, thing in enumerate(tables.synthetic):
         with problems.noting(("synthetic", number)):
-            synthetic += [] if thing is None else [_synthetic_object(thing)]
-    pose = tables.pose or CapturePose()
-    panorama = _panorama(pose, tables.picture, repair, problems)
+            synthetic += [] if thing is None else [_synthetic_object(thing, panorama, real)]
     cameras: dict[str, CameraView] = {}
     for name, camera in tables.cameras.items():
         with problems.noting(("camera", name)):
@@ -103,7 +117,15 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
         pano = Equirectangular(type="equirectangular", width=panorama.radiance.shape[1])
         cameras["pano"] = _camera_view(pano, pose)
     render = RenderSettings() if tables.render is None else RenderSettings(**tables.render.model_dump())
-    scene = Scene(panorama, tuple(real), tuple(synthetic), cameras, render, path)
+    scene = Scene(
+        panorama,
+        tuple(real),
+        tuple(synthetic),
+        cameras,
+        render,
+        path,
+        lights=tuple(lights),
+    )
     return Contents(None if tables.pose is None else scene, len(tables.real) - len(real), problems.messages)
 
 
@@ -115,7 +137,8 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
         with problems.noting(("panorama",)):
             panorama = replace(panorama, depth=read_depth(picture.depth))
     with problems.noting(("panorama",)):
-        found = read_radiance(picture.image)
+        image = read_panorama(picture.image)
+        found = image.radiance
         radiance = validate_panorama(found, picture.image, repair=True)
         defects = [] if radiance is found else find_defects(found)
         panorama = replace(
@@ -123,6 +146,7 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
             radiance=radiance if picture.scale == 1.0 else radiance * np.float32(picture.scale),
             path=picture.image,
             repairs=tuple(f"{picture.image}: {defect}; replaced" for defect in defects) if repair else (),
+            notes=image.notes,
         )
         if defects and not repair:
             validate_panorama(found, picture.image)
@@ -138,7 +162,19 @@ def _real_surface(table: RealTable) -> RealSurface:
         mesh=_placed(mesh, placement(table.position, table.rotation, table.scale), table.mesh),
         role=Role(table.role),
         gloss=None if table.gloss is None else Gloss(table.gloss.roughness, table.gloss.specular),
+        opening=table.opening,
     )
+
+
+def _sun(table: SunTable) -> SunLight:
+    mask = None
+    if table.mask is not None:
+        mask = read_radiance(table.mask)
+        if mask.max() > 1.0:
+            raise InputError(
+                f"{table.mask}: a mask holds shares of light from 0 to 1, but this one has {mask.max():.3g}"
+            )
+    return SunLight(table.name, table.toward(), table.diameter, np.array(table.irradiance), mask, table.mask_extent)
 
 
 def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.floating]:
@@ -152,18 +188,50 @@ def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.float
     return rest.vertices
 
 
-def _synthetic_object(table: MeshObject | SphereObject | UnitShapeObject) -> SyntheticObject:
+def _synthetic_object(
+    table: MeshObject | SphereObject | UnitShapeObject, panorama: Panorama, real: Sequence[RealSurface]
+) -> SyntheticObject:
     if isinstance(table, MeshObject):
-        to_world = placement(table.position, table.rotation, table.scale)
         parts = read_mesh_file(table.mesh, with_materials=table.material is None)
+        to_world = _to_world(table, [part.mesh for part in parts], panorama, real)
         standing = [_part(part, to_world, table) for part in parts]
         pieces = [piece for part in standing for half in split_mirrored(part) for piece in split_emissive(half)]
         return SyntheticObject(table.name, tuple(pieces))
+    to_world = _to_world(table, [AnalyticShape(table.shape, np.eye(4))], panorama, real)
+    return SyntheticObject(table.name, (SyntheticPart(AnalyticShape(table.shape, to_world), table.material),))
+
+
+def _to_world(
+    table: MeshObject | SphereObject | UnitShapeObject,
+    bodies: Sequence[Mesh | AnalyticShape],
+    panorama: Panorama,
+    real: Sequence[RealSurface],
+) -> NDArray[np.float64]:
+    """Matrix from an object's own coordinates to the world, shape (4, 4)."""
     if isinstance(table, SphereObject):
-        to_world = placement(table.center, (0.0, 0.0, 0.0), (table.radius,) * 3)
+        to_world = placement(table.center or (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (table.radius,) * 3)
     else:
         to_world = placement(table.position, table.rotation, table.scale)
-    return SyntheticObject(table.name, (SyntheticPart(AnalyticShape(table.shape, to_world), table.material),))
+    if not table.on_spot:
+        return to_world
+    spot = find_spot(panorama, real, _spot_direction(table, panorama))
+    if spot is None:
+        key = "at" if table.at is not None else "at_angles"
+        raise InputError(
+            f"{key}: shows no real surface but {'sky' if panorama.sky or panorama.depth is not None else 'a hole'}; "
+            "take a pixel of the floor or of a table (`lightdepth where` tells what a pixel shows)"
+        )
+    return standing_placement(spot, bodies, to_world[:3, :3], table.stand, table.align)
+
+
+def _spot_direction(table: OnSpot, panorama: Panorama) -> NDArray[np.float64]:
+    if table.at_angles is not None:
+        return angles_direction(*table.at_angles)
+    assert table.at is not None
+    if not panorama.radiance.size:
+        raise InputError("at: is a pixel of the panorama, whose image cannot be read")
+    height, width = panorama.radiance.shape[:2]
+    return pixel_direction(*table.at, (height, width))
 
 
 def _placed(mesh: Mesh, to_world: NDArray[np.float64], path: Path) -> Mesh:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras import Camera
+from lightdepth.cameras import Equirectangular, Viewpoint
 from lightdepth.scene.materials import Material
 
 
@@ -58,20 +58,61 @@ class AnalyticShape:
 
 @dataclass(frozen=True)
 class Gloss:
-    """Specular lobe on a support surface: GGX roughness in [0, 1] and specular level in [0, 1] (0.5 is F0 = 4 %)."""
+    """Specular lobe on a support surface.
+
+    Attributes:
+        roughness: of the GGX distribution, in [0, 1].
+        specular: level in [0, 1]; 0.5 is a reflectance of 4 % at normal incidence.
+        scale: share of the lobe that the photograph leaves room for, in [0, 1]; see :mod:`lightdepth.recovery.specular`.
+        albedo: typical diffuse albedo of the surface beneath the lobe, linear RGB; found by the same module.
+    """
 
     roughness: float
     specular: float
+    scale: float = 1.0
+    albedo: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class RealSurface:
-    """A surface that exists in the photograph."""
+    """A surface that exists in the photograph.
+
+    Attributes:
+        name: for messages.
+        mesh: in world space.
+        role: what it does in the augmented scene.
+        gloss: specular lobe of support.
+        opening: a window pane, through which a declared sun shines in; what the photograph shows of it stays.
+    """
 
     name: str
     mesh: Mesh
     role: Role
     gloss: Gloss | None = None
+    opening: bool = False
+
+
+@dataclass(frozen=True)
+class SunLight:
+    """A sun that shines into the place and that the photograph does not show.
+
+    Attributes:
+        name: for messages.
+        direction: toward the sun, unit, world, shape (3,), float64.
+        diameter: degrees.
+        irradiance: on a surface that faces the sun, shape (3,), float64, in the panorama's unit times steradian.
+        mask: share of it that passes curtains and bars that are not modelled, shape (h, w) or (h, w, 3), float32; row 0 is
+            the top. ``None`` lets all pass.
+        mask_extent: left, bottom, right and top of the mask in the plane across the direction, metres, along the axes of
+            :func:`lightdepth.scene.lights.frame.sun_axes`; nothing passes beyond it.
+    """
+
+    name: str
+    direction: NDArray[np.float64]
+    diameter: float
+    irradiance: NDArray[np.float64]
+    mask: NDArray[np.float32] | None = None
+    mask_extent: tuple[float, float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -103,7 +144,10 @@ class Panorama:
         sky: what no real mesh covers is declared sky: infinitely far on purpose. Else it is a hole, and an error. In
             ``depth``, inf declares it.
         path: the file it came from, for messages.
+        unclipped: ``radiance`` with the true radiance of sources that were clipped, the same shape, for light; the plate is
+            ``radiance`` in any case. ``None`` where they are the same.
         repairs: what was wrong with its radiance and was replaced, a message for each kind.
+        notes: what of its file makes pictures wrong in places, a sentence each.
     """
 
     radiance: NDArray[np.float32]
@@ -112,7 +156,20 @@ class Panorama:
     depth: NDArray[np.float32] | None = None
     sky: bool = False
     path: Path | None = None
+    unclipped: NDArray[np.float32] | None = None
     repairs: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def viewpoint(self) -> Viewpoint:
+        """The camera whose pixels are those of the photograph."""
+        camera = Equirectangular(type="equirectangular", width=self.radiance.shape[1])
+        return Viewpoint(camera, self.position, self.rotation)
+
+    @property
+    def light_radiance(self) -> NDArray[np.float32]:
+        """Radiance of the panorama as light: ``unclipped`` where there is one."""
+        return self.radiance if self.unclipped is None else self.unclipped
 
 
 @dataclass(frozen=True)
@@ -138,19 +195,8 @@ class RenderSettings:
     draft: bool = False
 
 
-@dataclass(frozen=True)
-class CameraView:
-    """A camera where it stands.
-
-    Attributes:
-        camera: its settings; ``camera.position`` is always filled in.
-        position: shape (3,), float64, world, metres.
-        rotation: camera space to world, shape (3, 3), float64; the columns are right, forward and up.
-    """
-
-    camera: Camera
-    position: NDArray[np.float64]
-    rotation: NDArray[np.float64]
+CameraView = Viewpoint
+"""The cameras of a scene."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,3 +218,4 @@ class Scene:
     cameras: Mapping[str, CameraView] = field(default_factory=dict)
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
+    lights: tuple[SunLight, ...] = ()

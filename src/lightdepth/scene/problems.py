@@ -66,7 +66,7 @@ def _split(place: Place, document: Mapping[str, Any]) -> tuple[str, int, tuple[s
     if not place:
         return "", 0, (), ""
     first, rest = str(place[0]), place[1:]
-    if first in ("real", "synthetic") and rest and isinstance(rest[0], int):
+    if first in ("real", "light", "synthetic") and rest and isinstance(rest[0], int):
         number = rest[0]
         entry = document[first][number]
         name = entry.get("name") if isinstance(entry, dict) else None

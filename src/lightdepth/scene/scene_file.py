@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from lightdepth.cameras import Camera, CameraSettings
+from lightdepth.scene.lights import ClippedTable, LightSettings, SunTable
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.schema import (
     CapturePose,
@@ -34,6 +35,7 @@ class Tables:
         pose: of ``[panorama]``, where the capture point is.
         picture: of ``[panorama]``, what was photographed from there.
         real: the ``[[real]]`` tables in the order of the file.
+        lights: the ``[[light]]`` tables in the order of the file.
         synthetic: the ``[[synthetic]]`` tables in the order of the file.
         cameras: the ``[camera.NAME]`` tables by name.
         render: ``[render]``.
@@ -42,6 +44,7 @@ class Tables:
     pose: CapturePose | None
     picture: Picture | None
     real: list[RealTable | None]
+    lights: list[SunTable | ClippedTable | None]
     synthetic: list[MeshObject | SphereObject | UnitShapeObject | None]
     cameras: dict[str, Camera | None]
     render: RenderTable | None
@@ -58,7 +61,7 @@ def read_tables(path: Path) -> tuple[Tables, Problems]:
     """
     text, document = read_toml(path)
     problems = Problems(path, text, document)
-    for array in ("real", "synthetic"):
+    for array in ("real", "light", "synthetic"):
         _note_duplicates(array, document, problems)
     panorama = document.get("panorama")
     if not document.get("real") and isinstance(panorama, dict) and "depth" not in panorama:
@@ -69,8 +72,16 @@ def read_tables(path: Path) -> tuple[Tables, Problems]:
     except ValidationError as error:
         problems.add_all(error, SceneFile)
         return _right_tables(document, context), problems
-    whole = Tables(file.panorama, file.panorama, list(file.real), list(file.synthetic), dict(file.camera), file.render)
-    return whole, problems
+    tables = Tables(
+        file.panorama,
+        file.panorama,
+        list(file.real),
+        list(file.light),
+        list(file.synthetic),
+        dict(file.camera),
+        file.render,
+    )
+    return tables, problems
 
 
 def _right_tables(document: Mapping[str, Any], context: Mapping[str, Any]) -> Tables:
@@ -92,6 +103,7 @@ def _right_tables(document: Mapping[str, Any], context: Mapping[str, Any]) -> Ta
         right(CapturePose, panorama),
         right(Picture, panorama),
         [right(RealTable, table) for table in _list(document.get("real"))],
+        [right(LightSettings, table) for table in _list(document.get("light"))],
         [synthetic(table) for table in _list(document.get("synthetic"))],
         {name: right(CameraSettings, table) for name, table in _dict(document.get("camera")).items()},
         right(RenderTable, document.get("render", {})),

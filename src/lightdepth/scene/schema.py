@@ -2,54 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    Tag,
-    ValidationInfo,
-    model_validator,
-)
+from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lightdepth.cameras import CameraSettings
-from lightdepth.files import is_file
+from lightdepth.scene.lights import LightSettings
 from lightdepth.scene.materials import MaterialSettings
+from lightdepth.scene.values import InputFile, Name, Number, Pair, Scale, Table, Vector3, Whole
 
-Number = Annotated[float, Field(strict=True)]
-Whole = Annotated[int, Field(strict=True)]
-Vector3 = tuple[Number, Number, Number]
-
-
-def _existing_file(path: Path, info: ValidationInfo) -> Path:
-    """The path, relative to the scene file's folder (``context["folder"]``)."""
-    resolved: Path = (info.context or {}).get("folder", Path()) / path
-    if not is_file(resolved):
-        raise ValueError(f"{resolved}: no such file")
-    return resolved
-
-
-def _one_or_three(value: Any) -> Any:
-    three = value if isinstance(value, list) else [value] * 3
-    if len(three) != 3 or any(isinstance(n, bool) or not isinstance(n, int | float) or n == 0 for n in three):
-        raise ValueError("must be one number or three, none of them 0")
-    return three
-
-
-InputFile = Annotated[Path, AfterValidator(_existing_file)]
-Scale = Annotated[Vector3, BeforeValidator(_one_or_three)]
-Name = Annotated[str, Field(min_length=1)]
-
-
-class Table(BaseModel):
-    """Base of the tables: no unknown keys, no NaN, no infinities."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+FORMAT = 1
+"""Version of the scene file's format; files without one have the first. It grows when a key changes its meaning."""
 
 
 class Placed(Table):
@@ -95,15 +58,42 @@ class RealTable(Placed):
     rest: InputFile | None = None
     role: Literal["support", "environment"]
     gloss: GlossTable | None = None
+    opening: Annotated[bool, Field(strict=True)] = False
 
     @model_validator(mode="after")
-    def _gloss_is_of_support(self) -> RealTable:
+    def _fits_the_role(self) -> RealTable:
         if self.gloss is not None and self.role != "support":
             raise ValueError("gloss is for role = 'support' only")
+        if self.opening and self.role != "environment":
+            raise ValueError("opening is for role = 'environment' only")
         return self
 
 
-class MeshObject(Placed):
+class OnSpot(Table):
+    """Where an object stands by a pixel of the panorama, instead of a position in metres."""
+
+    at: Pair | None = None
+    at_angles: Pair | None = None
+    stand: Annotated[bool, Field(strict=True)] = True
+    align: Annotated[bool, Field(strict=True)] = False
+
+    @property
+    def on_spot(self) -> bool:
+        """Whether a pixel places the object."""
+        return self.at is not None or self.at_angles is not None
+
+    @model_validator(mode="after")
+    def _one_place(self) -> OnSpot:
+        given = [key for key in ("at", "at_angles", "position", "center") if key in self.model_fields_set]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} exclude each other: each says where the object is")
+        alone = self.model_fields_set & {"stand", "align"}
+        if alone and not self.on_spot:
+            raise ValueError(f"{' and '.join(sorted(alone))} belong to an object that is placed by at or at_angles")
+        return self
+
+
+class MeshObject(OnSpot, Placed):
     """``[[synthetic]]`` with a mesh file; without ``material`` it has the materials of the file."""
 
     name: Name
@@ -111,17 +101,23 @@ class MeshObject(Placed):
     material: MaterialSettings | None = None
 
 
-class SphereObject(Table):
+class SphereObject(OnSpot):
     """``[[synthetic]]`` with ``shape = "sphere"``."""
 
     name: Name
     shape: Literal["sphere"]
-    center: Vector3
+    center: Vector3 | None = None
     radius: Number = Field(gt=0.0)
     material: MaterialSettings
 
+    @model_validator(mode="after")
+    def _placed(self) -> SphereObject:
+        if self.center is None and not self.on_spot:
+            raise ValueError("the key 'center' is missing (or 'at', a pixel of the panorama)")
+        return self
 
-class UnitShapeObject(Placed):
+
+class UnitShapeObject(OnSpot, Placed):
     """``[[synthetic]]`` with another shape of unit size: Mitsuba's, from -1 to 1; the cylinder from z = 0 to 1."""
 
     name: Name
@@ -162,11 +158,19 @@ class RenderTable(Table):
     irradiance_samples: Whole = Field(default=1024, ge=16, le=1 << 20, multiple_of=2)
 
 
+def _known_format(version: int) -> int:
+    if version > FORMAT:
+        raise ValueError(f"must be at most {FORMAT}, the newest format that this version of lightdepth reads")
+    return version
+
+
 class SceneFile(Table):
     """The whole file."""
 
     panorama: PanoramaTable
-    real: list[RealTable] = []
-    synthetic: list[SyntheticTable] = []
-    camera: dict[Name, CameraSettings] = {}
+    real: list[RealTable] = Field(default_factory=list)
+    light: list[LightSettings] = Field(default_factory=list)
+    synthetic: list[SyntheticTable] = Field(default_factory=list)
+    camera: dict[Name, CameraSettings] = Field(default_factory=dict)
     render: RenderTable = RenderTable()
+    format: Annotated[Whole, Field(ge=1), AfterValidator(_known_format)] = 1

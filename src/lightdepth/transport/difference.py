@@ -9,24 +9,27 @@ turned round.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import reduce
 
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.real_surfaces import FaceKind
-from lightdepth.kernel.tracing import RealHit, TracedSurfaces, leave, select_hit, shadow_ray
+from lightdepth.place.light_list import LightList, LightSample
+from lightdepth.place.object_bounds import Cones, ObjectBounds
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.place.reflectance import recovered_reflectance
+from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
+from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces, leave, select_hit, shadow_ray
 from lightdepth.scene.model import Gloss
-from lightdepth.transport.bounds import Cones, ObjectBounds
-from lightdepth.transport.change_cache import NO_CELL, ChangeCache
 from lightdepth.transport.integrator import CameraSamples, Integrator, Path
-from lightdepth.transport.light_paths import LightPaths
-from lightdepth.transport.place import LightSample, Place
-from lightdepth.transport.randoms import Randoms
-from lightdepth.transport.recovered_albedo import recovered_reflectance
-from lightdepth.transport.support import SpecularLobes, SupportScattering
+from lightdepth.transport.light_tracing import LightTracer
+from lightdepth.transport.radiance_cache import NO_CELL, RadianceCache
+from lightdepth.transport.sampler import Sampler
 
 CANDIDATES = 8
 """Light samples looked at for each shadow ray; one is kept, in proportion to the light that would arrive."""
@@ -86,13 +89,13 @@ class DifferencePath(Path):
     Attributes:
         difference: which scattered last on a support surface.
         last: their last scattering.
-        widest_pdf: the smallest density with which a scattering so far drew its direction, per steradian, of those that
+        smallest_pdf: the smallest density with which a scattering so far drew its direction, per steradian, of those that
             have one; infinite before the first.
     """
 
     difference: mi.Bool
     last: LastScattering
-    widest_pdf: mi.Float
+    smallest_pdf: mi.Float
 
 
 class DifferenceIntegrator(Integrator[DifferencePath]):
@@ -128,26 +131,26 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # Light samples are shared between the map and synthetic emitters.
         self.map_share = 0.5 if self.has_emitters else 1.0
         if bounds and lit and self.has_support and not surfaces.materials.have_holes:
-            self.light_paths = LightPaths(
+            self.light_tracer = LightTracer(
                 place, surfaces, bounds, lit, self.lobes, self.max_bounces, self.map_share * CANDIDATES
             )
 
-    def new_cache(self) -> ChangeCache | None:
+    def new_cache(self) -> RadianceCache | None:
         """As the base says."""
-        return ChangeCache(self.bounds) if self.bounds is not None and self.has_support else None
+        return RadianceCache(self.bounds) if self.bounds is not None and self.has_support else None
 
     def begin(self, path: Path) -> DifferencePath:
         """As the base says."""
         last = LastScattering(mi.Point3f(path.ray.o), mi.Float(0.0), mi.Float(1.0))
-        return DifferencePath(**vars(path), difference=mi.Bool(False), last=last, widest_pdf=mi.Float(dr.inf))
+        return DifferencePath(**vars(path), difference=mi.Bool(False), last=last, smallest_pdf=mi.Float(dr.inf))
 
     def samples(self, path: DifferencePath) -> CameraSamples:
         """As the base says."""
         return CameraSamples(path.radiance & ~path.covered, path.radiance & path.covered, mi.Bool(path.covered))
 
-    def advance(self, path: DifferencePath, cache: ChangeCache | None) -> DifferencePath:
+    def advance(self, path: DifferencePath, lights: LightList, cache: RadianceCache | None) -> DifferencePath:
         """As the base says."""
-        randoms, ray, last = path.randoms, mi.Ray3f(path.ray), copy(path.last)
+        sampler, ray, last = path.sampler, mi.Ray3f(path.ray), copy(path.last)
         radiance, throughput = mi.Color3f(path.radiance), mi.Color3f(path.throughput)
         active, difference, first = mi.Bool(path.active), mi.Bool(path.difference), mi.Bool(path.first)
         covered, depth, cell = mi.Bool(path.covered), mi.UInt32(path.depth), mi.UInt64(path.cell)
@@ -173,7 +176,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
         # Only new surfaces and the seen side of support scatter, up to the last bounce; holes are passed after it too.
         outside = dr.dot(hit.normal, ray.d) < 0.0
-        on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & outside
+        on_support = on_real & self.surfaces.receives(hit) & outside
         materials = self.surfaces.materials
         material = materials.number(si, on_synthetic)
         scatters = depth < self.max_bounces
@@ -202,7 +205,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             carried *= dr.select(wandering, reach, 1.0)
         weighed = wandering | (depth >= ROULETTE_DEPTH)
         survival = dr.select(weighed, dr.clip(carried, 0.0, LARGEST_SURVIVAL), 1.0)
-        active &= randoms.next(active) < survival
+        active &= sampler.next_1d(active) < survival
         throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
         in_difference = active & on_support & ~on_relit
@@ -214,10 +217,12 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # Light sampling, section 2. In a difference, what decides is whether the one shadow ray is blocked, so
         # that its candidates weigh no more than one sample.
         weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
-        radiance += throughput * self._direct(randoms, context, vertex, active & scatters, first, weight_samples, path)
+        radiance += throughput * self._direct(
+            sampler, lights, context, vertex, active & scatters, first, weight_samples, path
+        )
 
         # The next direction.
-        choice, x, y = randoms.direction(first, active)
+        choice, x, y = sampler.direction(first, active)
         drawn, weight = materials.sample(material, context, si, choice, mi.Point2f(x, y), vertex.on_synthetic)
         support_direction = support.sample(choice, mi.Point2f(x, y))
         support_value, support_pdf = support.evaluate(support_direction)
@@ -226,19 +231,19 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
         pdf = dr.select(vertex.on_support, support_pdf, pdf)
         # Light paths come by way of objects alone to what the camera sees.
-        odds = dr.select(vertex.on_synthetic & ~first, path.odds, 0.0)
-        if self.light_paths is not None:
+        pdf_ratio = dr.select(vertex.on_synthetic & ~first, path.pdf_ratio, 0.0)
+        if self.light_tracer is not None:
             distance = dr.select(on_synthetic, si.t, hit.distance)
             cosines = dr.dot(normal, ray.d), dr.dot(normal, direction)
-            begun = self.light_paths.odds_at_first(path.odds, distance, *cosines, pdf)
-            odds = dr.select(first & (in_difference | (vertex.on_synthetic & (pdf > 0.0))), begun, odds)
+            begun = self.light_tracer.pdf_ratio_at_first(path.pdf_ratio, distance, *cosines, pdf)
+            pdf_ratio = dr.select(first & (in_difference | (vertex.on_synthetic & (pdf > 0.0))), begun, pdf_ratio)
 
         # Passing through a mask's hole is no scattering: what was known of the last one stays.
         through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
         last.point = dr.select(through, last.point, point)
         last.pdf = dr.select(through, last.pdf, pdf)
         last.weight_samples = dr.select(through, last.weight_samples, weight_samples)
-        widest_pdf = dr.select(through | (pdf == 0.0), path.widest_pdf, dr.minimum(path.widest_pdf, pdf))
+        smallest_pdf = dr.select(through | (pdf == 0.0), path.smallest_pdf, dr.minimum(path.smallest_pdf, pdf))
         # What it blocks was subtracted when it was met, so that what shows through it counts in full.
         difference = mi.Bool(in_difference)
         covered &= ~(through & first)
@@ -247,7 +252,19 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         ray = leave(point, normal, direction)
         active &= (dr.max(throughput) > 0.0) & (scatters | through)
         return DifferencePath(
-            randoms, ray, active, radiance, throughput, first, covered, depth, cell, odds, difference, last, widest_pdf
+            sampler,
+            ray,
+            active,
+            radiance,
+            throughput,
+            first,
+            covered,
+            depth,
+            cell,
+            pdf_ratio,
+            difference,
+            last,
+            smallest_pdf,
         )
 
     # -- The terms ----------------------------------------------------------------------------------------------
@@ -276,19 +293,23 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             hit = select_hit(hidden, self.surfaces.first_real(ray, hidden), hit)
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
-        radiance, pdf = self.place.seen(hit, ray.d, distance, wanted)
-        value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
-        if self.light_paths is not None:
-            finite = mi.Bool(False) if self.place.infinite else hit.valid
-            light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
-            # What came straight from the object that the camera sees has met no other.
-            odds = dr.select(path.depth > 1, path.odds, 0.0)
-            weight = self.light_paths.camera_weight(odds, light, finite, pdf, distance, last.point, ray.d, last.pdf)
-            value *= dr.select(blocked, 1.0, weight)
-        return dr.select(wanted, dr.select(blocked, -value, value), 0.0)
+        values = []
+        for radiance, pdf, finite in self.place.arriving(ray, hit, distance, wanted):
+            value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
+            if self.light_tracer is not None:
+                light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
+                # What came straight from the object that the camera sees has met no other.
+                pdf_ratio = dr.select(path.depth > 1, path.pdf_ratio, 0.0)
+                weight = self.light_tracer.camera_weight(
+                    pdf_ratio, light, finite, pdf, distance, last.point, ray.d, last.pdf
+                )
+                value *= dr.select(blocked, 1.0, weight)
+            values.append(value)
+        total = reduce(operator.add, values)
+        return dr.select(wanted, dr.select(blocked, -total, total), 0.0)
 
     def _remembered(
-        self, cache: ChangeCache, path: DifferencePath, hit: RealHit, on_support: mi.Bool
+        self, cache: RadianceCache, path: DifferencePath, hit: RealHit, on_support: mi.Bool
     ) -> tuple[mi.Bool, mi.Color3f, mi.Bool, mi.UInt64]:
         """Where paths may end in a cell, or begin to learn about it: on plain support that they meet from a wide angle.
 
@@ -305,7 +326,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         """
         here, edge = cache.cell(hit.point, hit.normal)
         cosine = dr.maximum(-dr.dot(hit.normal, path.ray.d), 1e-3)
-        footprint = dr.square(hit.distance) / (path.widest_pdf * cosine)
+        footprint = dr.square(hit.distance) / (path.smallest_pdf * cosine)
         wide = ~path.first & (footprint > WIDTH * dr.square(edge))
         eligible = on_support & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0) & wide
         asks = cache.learning & (path.cell == NO_CELL)
@@ -344,7 +365,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
     def _direct(
         self,
-        randoms: Randoms,
+        sampler: Sampler,
+        lights: LightList,
         context: mi.BSDFContext,
         vertex: Vertex,
         active: mi.Bool,
@@ -355,7 +377,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         """Light sampling at a vertex: of the map, or of synthetic emitters.
 
         Args:
-            randoms: random numbers of the paths.
+            sampler: random numbers of the paths.
+            lights: light samples of the map.
             context: for the BSDFs.
             vertex: where the paths are.
             active: which of them take a sample.
@@ -363,21 +386,21 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             weight_samples: for how many samples of the map's light multiple importance sampling takes them.
             path: which come so far.
         """
-        choice = dr.select(first, randoms.spread("light")[0], randoms.next(active))
+        choice = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
         from_map = mi.Bool(True)
         if self.has_emitters:
             from_map = choice < self.map_share
             choice = dr.select(from_map, choice / self.map_share, choice)
-        chance = dr.select(first, randoms.spread("candidate")[0], randoms.next(active))
-        choice, gain = self._most_useful(context, vertex, active & from_map, choice, chance, weight_samples)
-        light = self.place.light(choice, active & from_map)
+        chance = dr.select(first, sampler.stratified("candidate")[0], sampler.next_1d(active))
+        choice, gain = self._most_useful(lights, context, vertex, active & from_map, choice, chance, weight_samples)
+        light = lights.sample(choice, active & from_map)
         direction, distance, map_pdf = self.place.toward(light, vertex.point)
         weighed, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * CANDIDATES)
-        radiance = light.radiance * gain
+        radiance = light.radiance * gain * self.place.transmittance(light, vertex.point)
         if self.has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
             reference.p, reference.n = vertex.point, vertex.normal
-            position = mi.Point2f(randoms.next(active), randoms.next(active))
+            position = mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
             sampled, weight = self.surfaces.all.sample_emitter_direction(reference, position, False, active & ~from_map)
             direction = dr.select(from_map, direction, sampled.d)
             distance = dr.select(from_map, distance, sampled.dist)
@@ -387,9 +410,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
         value, scattering_pdf = self._scattering(context, vertex, direction, active)
         value *= radiance * (_mis_weight(weighed, scattering_pdf) / dr.maximum(pdf, 1e-20))
-        if self.light_paths is not None:
-            camera_weight = self.light_paths.camera_weight(
-                path.odds, light.place, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
+        if self.light_tracer is not None:
+            camera_weight = self.light_tracer.camera_weight(
+                path.pdf_ratio, light.position, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
             )
             value *= dr.select(vertex.on_synthetic & from_map & ~first, camera_weight, 1.0)
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
@@ -399,6 +422,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
     @dr.syntax
     def _most_useful(
         self,
+        lights: LightList,
         context: mi.BSDFContext,
         vertex: Vertex,
         active: mi.Bool,
@@ -412,6 +436,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         ray is traced. On support, a candidate that no object's bound is near of brings nothing.
 
         Args:
+            lights: light samples of the map.
             context: for the BSDFs.
             vertex: where light arrives.
             active: which paths take a sample.
@@ -420,18 +445,19 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             weight_samples: for how many samples of the map's light multiple importance sampling takes them.
 
         Returns:
-            The number to give to :meth:`Place.light`, and the factor on what it brings.
+            The number to give to :meth:`LightList.sample`, and the factor on what it brings.
         """
         kept, kept_target, total = mi.Float(choice), mi.Float(0.0), mi.Float(0.0)
         chance = mi.Float(chance)
         candidate = mi.UInt32(0)
         while candidate < CANDIDATES:
             number = (choice + mi.Float(candidate)) * (1.0 / CANDIDATES)
-            light = self.place.light_outline(number, active)
+            light = lights.outline(number, active)
             direction, _, pdf = self.place.toward(light, vertex.point)
             value, scattering_pdf = self._scattering(context, vertex, direction, active)
             weight = _mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20)
             counts = (pdf > 0.0) & (~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction))
+            weight *= self.place.likelihood(light, vertex.point)
             target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
             total += target
             # One random number serves all candidates: what is left of it after each choice is uniform again.
@@ -486,12 +512,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         share = dr.select(inverted, passed - 1.0, passed)
         if self.has_relit:
             share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)
-        if self.surfaces.has_real:
-            tested = active & (share != 0.0)
-            if self.place.infinite:
-                tested &= ~from_map
-            share = dr.select(self.surfaces.real.ray_test(ray, coherent=False, active=tested), 0.0, share)
-        return share & active
+        return share & self.place.unblocked(light, ray, active & (share != 0.0))
 
     def _transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """Share of light that passes all synthetic surfaces along shadow rays."""

@@ -16,16 +16,18 @@ import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_solid_angles
-from lightdepth.kernel.opaque import opaque_matrix, opaque_point
-from lightdepth.kernel.real_surfaces import FaceKind, RealSurfaces, face_normals
-from lightdepth.kernel.tracing import TracedSurfaces, leave, shadow_ray
+from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
+from lightdepth.place.light_list import LightList
+from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
+from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
+from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Panorama, Scene
-from lightdepth.transport.bounds import ObjectBounds
-from lightdepth.transport.change_cache import ChangeCache
 from lightdepth.transport.integrator import CameraSamples, Integrator, Path
-from lightdepth.transport.place import Place
+from lightdepth.transport.radiance_cache import RadianceCache
 
 LIGHTS = 256
 """K, the lights of the median cut (paper, section 5.5)."""
@@ -43,11 +45,11 @@ def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurf
         scene: for its light-depth map.
         surfaces: as modelled; support faces are cut and turned toward the capture point.
     """
-    chosen = surfaces.kind != FaceKind.ENVIRONMENT
+    chosen = surfaces.receiving
     if not chosen.any():
         return surfaces
     light_depth_map = build_light_depth_map(scene)
-    lights = median_cut(scene.panorama.radiance, light_depth_map.depth, LIGHTS)
+    lights = median_cut(scene.panorama.light_radiance, light_depth_map.depth, LIGHTS)
     vertices, faces, parent = trimesh.remesh.subdivide_to_size(
         surfaces.vertices[surfaces.faces[chosen]].reshape(-1, 3),
         np.arange(3 * int(chosen.sum())).reshape(-1, 3),
@@ -149,10 +151,11 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         max_bounces: int = 8,
     ) -> None:
         super().__init__(place, surfaces, bounds, max_bounces)
-        self._capture = mi.Vector3f(opaque_point(panorama.position))
-        self._to_light = opaque_matrix(panorama.rotation.T)
+        self._capture = mi.Vector3f(as_point(panorama.position))
+        self._to_light = as_matrix(panorama.rotation.T)
         angles = pixel_solid_angles(*panorama.radiance.shape[:2])
-        total = float((panorama.radiance.mean(axis=1) @ LUMINANCE) @ angles * panorama.radiance.shape[1])
+        light = panorama.light_radiance
+        total = float((light.mean(axis=1) @ LUMINANCE) @ angles * light.shape[1])
         self.total_luminance = dr.opaque(mi.Float, total)
 
     def begin(self, path: Path) -> EnvpathPath:
@@ -171,9 +174,9 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         change = dr.select(path.covered, 0.0, path.radiance - path.photograph)
         return CameraSamples(change, dr.select(path.covered, path.radiance, 0.0), mi.Bool(path.covered))
 
-    def advance(self, path: EnvpathPath, cache: ChangeCache | None) -> EnvpathPath:
+    def advance(self, path: EnvpathPath, lights: LightList, cache: RadianceCache | None) -> EnvpathPath:
         """The body of algorithm 1."""
-        randoms, ray, active = path.randoms, mi.Ray3f(path.ray), mi.Bool(path.active)
+        sampler, ray, active = path.sampler, mi.Ray3f(path.ray), mi.Bool(path.active)
         radiance, throughput = mi.Color3f(path.radiance), mi.Color3f(path.throughput)
         first, covered, depth = mi.Bool(path.first), mi.Bool(path.covered), mi.UInt32(path.depth)
         photograph, synthetic_path = mi.Color3f(path.photograph), mi.Bool(path.synthetic_path)
@@ -184,12 +187,12 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
-        on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & (dr.dot(hit.normal, ray.d) < 0.0)
+        on_support = on_real & self.surfaces.receives(hit) & (dr.dot(hit.normal, ray.d) < 0.0)
         on_environment = active & ~on_synthetic & ~on_support
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
 
         # Lines 8 to 11, eq. 4. At i = 0 this is the plate, which the film has already.
-        seen, map_pdf = self.place.seen(hit, ray.d, dr.norm(hit.point - previous), on_environment)
+        ((seen, map_pdf, _),) = self.place.arriving(ray, hit, dr.norm(hit.point - previous), on_environment)
         arrived = on_environment & synthetic_path
         weight = dr.select(previous_pdf > 0.0, previous_pdf / (previous_pdf + map_pdf), 1.0)  # (4)
         radiance += dr.select(arrived, throughput * seen * weight, 0.0)
@@ -212,18 +215,18 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         normal = dr.select(on_synthetic, si.n, hit.normal)
         materials = self.surfaces.materials
         material = materials.number(si, on_synthetic)
-        own = self.place.surface_radiance(hit, on_support)
+        own = self.place.photograph.surface_radiance(hit, on_support)
         factor = self.surfaces.irradiance(hit, on_support).x
         photograph = dr.select(first & on_support, own, photograph)
         direct_support &= active
-        number = dr.select(first, randoms.spread("light")[0], randoms.next(active))
-        light = self.place.light(number, active)
+        number = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
+        light = lights.sample(number, active)
         direction, distance, pdf = self.place.toward(light, point)
 
         # Eq. 5 with the luminance that eq. 7 weights by (1); light and measure are those of the capture point (2).
-        from_capture = dr.select(light.finite, dr.normalize(light.place - self._capture), light.place)
+        from_capture = dr.select(light.finite, dr.normalize(light.position - self._capture), light.position)
         light_direction = self._to_light @ from_capture
-        light_radiance, light_pdf = self.place.map.radiance_and_pdf(light_direction)
+        light_radiance, light_pdf = self.place.photograph.map.radiance_and_pdf(light_direction)
         share = _luminance(light_radiance) / (self.total_luminance * dr.maximum(light_pdf, 1e-20))
         cosine = dr.maximum(dr.dot(direction, hit.normal), 0.0)
         value_support = own * (factor * cosine * share)
@@ -236,12 +239,12 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         # Table 1: from synthetic points, what lies on support or behind it comes along sampled paths.
         beyond = leave(point, normal, direction)
         behind = self.surfaces.first_real(beyond, useful & on_synthetic & ~blocked)
-        blocked |= on_synthetic & behind.valid & (behind.kind != int(FaceKind.ENVIRONMENT))
+        blocked |= on_synthetic & behind.valid & self.surfaces.receives(behind)
         value = dr.select(on_synthetic, value, value_support)
         radiance += dr.select(useful & ~blocked, throughput * value, 0.0)
 
         # Lines 18 to 26.
-        choice, x, y = randoms.direction(first, active)
+        choice, x, y = sampler.direction(first, active)
         position = mi.Point2f(x, y)
         drawn, weight_bsdf = materials.sample(material, context, si, choice, position, on_synthetic)
         support_direction = mi.Frame3f(hit.normal).to_world(mi.warp.square_to_cosine_hemisphere(position))
@@ -255,12 +258,12 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         first = mi.Bool(False)
         depth += 1
         survival = dr.select(depth >= ROULETTE_DEPTH, dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL), 1.0)
-        active &= randoms.next(active) < survival
+        active &= sampler.next_1d(active) < survival
         throughput *= dr.rcp(dr.maximum(survival, 1e-6))
         active &= dr.max(throughput) > 0.0
         ray = leave(point, normal, direction)
         return EnvpathPath(
-            randoms,
+            sampler,
             ray,
             active,
             radiance,
@@ -269,7 +272,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
             covered,
             depth,
             path.cell,
-            path.odds,
+            path.pdf_ratio,
             photograph,
             synthetic_path,
             previous,

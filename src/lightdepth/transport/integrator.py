@@ -10,14 +10,15 @@ from typing import Generic, TypeVar
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.tracing import TracedSurfaces
-from lightdepth.transport.bounds import ObjectBounds
-from lightdepth.transport.change_cache import NO_CELL, ChangeCache
-from lightdepth.transport.light_paths import LightPaths
-from lightdepth.transport.place import Place
-from lightdepth.transport.randoms import Randoms
+from lightdepth.place.light_list import LightList
+from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.place.place import Place
+from lightdepth.place.traced_surfaces import TracedSurfaces
+from lightdepth.transport.light_tracing import LightTracer
+from lightdepth.transport.radiance_cache import NO_CELL, RadianceCache
+from lightdepth.transport.sampler import Sampler
 
-CameraRays = Callable[[mi.UInt32], tuple[Randoms, mi.Ray3f, mi.Bool, mi.Float]]
+CameraRays = Callable[[mi.UInt32], tuple[Sampler, mi.Ray3f, mi.Bool, mi.Float]]
 """From the number of a sample in its pixel to the random numbers of its path, its camera ray in world, whether it lies in
 the camera's image, and the solid angle of the pixel there in steradians times the light paths for each such path."""
 
@@ -59,7 +60,7 @@ class Path:
     """Paths that are followed, one in each lane.
 
     Attributes:
-        randoms: their random numbers.
+        sampler: their random numbers.
         ray: where they go, world.
         active: which have not ended.
         radiance: what they have found.
@@ -67,12 +68,12 @@ class Path:
         first: which have not scattered yet.
         covered: which met a new surface first.
         depth: scatterings so far.
-        cell: where a path has learnt its ``radiance``, or ``NO_CELL``; see :class:`ChangeCache`.
-        odds: before the first scattering, the last of :data:`CameraRays`; after it, what is known of the odds of a light
-            path that does the same, 0 where there is none. See :class:`LightPaths`.
+        cell: where a path has learnt its ``radiance``, or ``NO_CELL``; see :class:`RadianceCache`.
+        pdf_ratio: before the first scattering, the last of :data:`CameraRays`; after it, what is known of the pdf
+            ratio of a light path that does the same, 0 where there is none. See :class:`LightTracer`.
     """
 
-    randoms: Randoms
+    sampler: Sampler
     ray: mi.Ray3f
     active: mi.Bool
     radiance: mi.Color3f
@@ -81,7 +82,7 @@ class Path:
     covered: mi.Bool
     depth: mi.UInt32
     cell: mi.UInt64
-    odds: mi.Float
+    pdf_ratio: mi.Float
 
 
 PathKind = TypeVar("PathKind", bound=Path)
@@ -97,7 +98,7 @@ class Integrator(ABC, Generic[PathKind]):
         max_bounces: scatterings after which a path ends; negative for no limit.
 
     Attributes:
-        light_paths: what brings the light that its paths from the camera leave to paths from the light, or ``None``.
+        light_tracer: what brings the light that its paths from the camera leave to paths from the light, or ``None``.
     """
 
     def __init__(
@@ -107,15 +108,17 @@ class Integrator(ABC, Generic[PathKind]):
         self.surfaces = surfaces
         self.bounds = bounds
         self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
-        self.light_paths: LightPaths | None = None
+        self.light_tracer: LightTracer | None = None
         self.has_emitters = len(surfaces.all.emitters()) > 0
 
-    def new_cache(self) -> ChangeCache | None:
+    def new_cache(self) -> RadianceCache | None:
         """An empty cache for the paths of one image; ``None`` where it would serve nothing."""
         return None
 
     @dr.syntax
-    def sample(self, camera: CameraRays, lanes: int, count: mi.UInt32, cache: ChangeCache | None) -> CameraSums:
+    def sample(
+        self, camera: CameraRays, lanes: int, count: mi.UInt32, lights: LightList, cache: RadianceCache | None
+    ) -> CameraSums:
         """Follow paths, in every lane ``count`` of them one after the other.
 
         A lane takes up its next path when one ends: side by side, paths of very different lengths would wait for the
@@ -125,6 +128,7 @@ class Integrator(ABC, Generic[PathKind]):
             camera: camera rays by the number of the sample in its lane.
             lanes: how many.
             count: paths in each.
+            lights: light samples of the place that all paths share.
             cache: what is known of the support's change, from :meth:`new_cache`.
         """
         sums = dr.zeros(CameraSums, lanes)
@@ -132,7 +136,7 @@ class Integrator(ABC, Generic[PathKind]):
         learnt = _nothing if cache is None else cache.record
         path = self.begin(_camera_path(*camera(number)))
         while number < count:
-            path = self.advance(path, cache)
+            path = self.advance(path, lights, cache)
             ended = ~path.active
             samples = self.samples(path)
             learnt(number * width + lane, path.cell, path.radiance, ended)
@@ -149,7 +153,7 @@ class Integrator(ABC, Generic[PathKind]):
         """Paths along camera rays, with what the method keeps of them besides."""
 
     @abstractmethod
-    def advance(self, path: PathKind, cache: ChangeCache | None) -> PathKind:
+    def advance(self, path: PathKind, lights: LightList, cache: RadianceCache | None) -> PathKind:
         """Follow paths to what they meet next, and scatter there."""
 
     @abstractmethod
@@ -157,10 +161,10 @@ class Integrator(ABC, Generic[PathKind]):
         """What paths that have ended estimate."""
 
 
-def _camera_path(randoms: Randoms, ray: mi.Ray3f, active: mi.Bool, odds: mi.Float) -> Path:
+def _camera_path(sampler: Sampler, ray: mi.Ray3f, active: mi.Bool, pdf_ratio: mi.Float) -> Path:
     """Paths along camera rays in world; rays outside the camera's image are not ``active``."""
     return Path(
-        randoms,
+        sampler,
         mi.Ray3f(ray),
         mi.Bool(active),
         radiance=mi.Color3f(0.0),
@@ -169,7 +173,7 @@ def _camera_path(randoms: Randoms, ray: mi.Ray3f, active: mi.Bool, odds: mi.Floa
         covered=mi.Bool(False),
         depth=mi.UInt32(0),
         cell=mi.UInt64(NO_CELL),
-        odds=mi.Float(odds),
+        pdf_ratio=mi.Float(pdf_ratio),
     )
 
 

@@ -51,4 +51,18 @@ for name, (kind, settings) in LAMPS.items():
             "notes": notes,
         }
         bpy.data.objects.remove(lamp)
+# Nodes inside a lamp, and a lamp that only shows Cycles where light comes from.
+for name in ("emission node", "portal"):
+    lamp = add_lamp(scene, "AREA", name, (0.0, 0.0, 2.0), shape="SQUARE", size=0.5, energy=30.0)
+    if name == "portal":
+        lamp.data.cycles.is_portal = True
+    else:
+        lamp.data.use_nodes = True
+        emission = next(node for node in lamp.data.node_tree.nodes if node.type == "EMISSION")
+        emission.inputs["Color"].default_value, emission.inputs["Strength"].default_value = (0.25, 0.5, 1.0, 1.0), 3.0
+    bpy.context.view_layer.update()
+    tables, notes = module("lights").emitters(name, lamp.data, lamp.matrix_world)
+    measured = np.pi * rendered(scene, f"{sys.argv[1]}/lamp.exr")[:, :, :3].mean(axis=(0, 1))
+    found[name] = {"measured": measured.tolist(), "tables": tables, "notes": notes}
+    bpy.data.objects.remove(lamp)
 answer(lamps=found)

@@ -89,9 +89,7 @@ preferences.command = str(folder / "garbage.txt")
 (folder / "garbage.txt").write_text("no program")
 found["no program"] = refused(bpy.ops.render.render)
 preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
-scene.render.use_border = True
-found["region"] = refused(bpy.ops.render.render)
-scene.render.use_border, scene.render.use_multiview = False, True
+scene.render.use_multiview = True
 found["stereoscopy"] = refused(bpy.ops.render.render)
 scene.render.use_multiview = False
 bpy.ops.lightdepth.test_renderer()

@@ -15,6 +15,8 @@ class Material(BaseModel, ABC):
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, arbitrary_types_allowed=True)
 
+    type: Any
+
     @abstractmethod
     def plugins(self) -> dict[str, Plugin]:
         """The Mitsuba plugins that make this material, as plain dictionaries.

@@ -153,3 +153,11 @@ def is_closed(mesh: Mesh) -> bool:
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     _, counts = np.unique(edges[edges[:, 0] != edges[:, 1]], axis=0, return_counts=True)
     return bool(len(counts) > 0 and (counts == 2).all())
+
+
+def face_normals(vertices: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
+    """Unit normals of triangles, shape (m, 3), float32; zero for degenerate ones."""
+    a, b, c = (vertices[faces[:, i]].astype(np.float64) for i in range(3))
+    normal = np.cross(b - a, c - a)
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    return np.divide(normal, length, out=np.zeros_like(normal), where=length > 0).astype(np.float32)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.images.radiance import READERS
 from lightdepth.scene.materials.image import eight_bit
 from lightdepth.scene.meshes.gltf_basisu import KTX2_MAGIC, decoded_ktx2
 from lightdepth.scene.meshes.gltf_extensions import unsupported_extensions
@@ -160,6 +161,19 @@ class GltfFile:
                 raise InputError(f"{self.path}: image {index} ({name}) cannot be read: {error}") from error
             self._images[index] = found
         return self._images[index]
+
+    def radiance_file(self, index: int) -> Path | None:
+        """The file of an image of high dynamic range (.exr or .hdr beside this one), which glTF does not provide.
+
+        Raises:
+            InputError: it is missing.
+        """
+        uri = unquote(self.entry(self.header.images, index, "image").uri or "")
+        if uri.startswith("data:") or Path(uri).suffix.lower() not in READERS:
+            return None
+        if (file := named_file(self.path.parent, uri)) is None:
+            raise InputError(f"{self.path}: names the file {uri[:100]}, which does not exist in its folder")
+        return file
 
     def _resource(self, uri: str) -> bytes:
         """The bytes behind a URI: of the file itself (``data:``), or of a file beside it."""

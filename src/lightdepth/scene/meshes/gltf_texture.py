@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.images.radiance import read_radiance
 from lightdepth.scene.materials import Texture
 from lightdepth.scene.materials.texture import SRGB_TO_LINEAR, Wrap
 from lightdepth.scene.meshes.gltf_file import GltfFile
@@ -34,7 +35,13 @@ class GltfTextures:
         self._made: dict[tuple[Any, ...], Texture] = {}
 
     def colour(self, info: TextureInfo, factor: Sequence[float]) -> Texture:
-        """Red, green and blue, decoded from sRGB, times a factor for each."""
+        """Red, green and blue, times a factor for each; decoded from sRGB but for images of radiance, which are linear."""
+        file = self._file.radiance_file(self._sources(info.index)[-1])
+        if file is not None:
+            key = (info.model_dump_json(), file, *factor)
+            if key not in self._made:
+                self._made[key] = self._sampled(info, read_radiance(file) * np.asarray(factor, np.float32))
+            return self._made[key]
         return self._texture(info, {c: SRGB_TO_LINEAR * factor[c] for c in (RED, GREEN, BLUE)})
 
     def share(self, info: TextureInfo, channel: int, factor: float) -> Texture | float:
@@ -63,28 +70,32 @@ class GltfTextures:
         """A texture of some channels, with a table of values for the 256 codes of each."""
         key = (info.model_dump_json(), *((channel, t.tobytes()) for channel, t in tables.items()))
         if key not in self._made:
-            header = self._file.header
-            texture = self._file.entry(header.textures, info.index, "texture")
-            sampler = (
-                Sampler() if texture.sampler is None else self._file.entry(header.samplers, texture.sampler, "sampler")
-            )
-            if sampler.wrap_s != sampler.wrap_t:
-                self._note(f"texture {info.index} is wrapped differently along its axes; both are as wrapS says")
             codes = self._codes(info.index)
             # Radiance may exceed what 16 bits hold.
             precision = np.float16 if max(float(t.max()) for t in tables.values()) < 6e4 else np.float32
             channels = [table.astype(precision)[codes[:, :, channel]] for channel, table in tables.items()]
-            self._made[key] = Texture(
-                np.stack(channels, axis=-1),
-                wrap=_WRAPS.get(sampler.wrap_s, "repeat"),
-                nearest=sampler.mag_filter == _NEAREST_FILTER,
-                to_uv=_to_uv(info.transform),
-            )
+            self._made[key] = self._sampled(info, np.stack(channels, axis=-1))
         return self._made[key]
 
-    def _codes(self, index: int) -> NDArray[np.uint8]:
-        """The pixels of a texture: the first of its images, in the formats that extensions add, that can be read."""
-        texture = self._file.header.textures[index]
+    def _sampled(self, info: TextureInfo, pixels: NDArray[np.floating]) -> Texture:
+        """Pixels as the sampler and the transform of a texture lay them."""
+        header = self._file.header
+        texture = self._file.entry(header.textures, info.index, "texture")
+        sampler = (
+            Sampler() if texture.sampler is None else self._file.entry(header.samplers, texture.sampler, "sampler")
+        )
+        if sampler.wrap_s != sampler.wrap_t:
+            self._note(f"texture {info.index} is wrapped differently along its axes; both are as wrapS says")
+        return Texture(
+            pixels,
+            wrap=_WRAPS.get(sampler.wrap_s, "repeat"),
+            nearest=sampler.mag_filter == _NEAREST_FILTER,
+            to_uv=_to_uv(info.transform),
+        )
+
+    def _sources(self, index: int) -> list[int]:
+        """The images of a texture: in the formats that extensions add, and last its own."""
+        texture = self._file.entry(self._file.header.textures, index, "texture")
         added = texture.extensions
         formats = (added.KHR_texture_basisu, added.EXT_texture_webp, added.EXT_texture_avif, added.MSFT_texture_dds)
         sources = [entry.source for entry in formats if entry is not None and entry.source is not None]
@@ -92,6 +103,11 @@ class GltfTextures:
             sources.append(texture.source)
         if not sources:
             raise InputError(f"{self._file.path}: texture {index} names no image")
+        return sources
+
+    def _codes(self, index: int) -> NDArray[np.uint8]:
+        """The pixels of a texture: the first of its images that can be read."""
+        sources = self._sources(index)
         for source in sources[:-1]:
             try:
                 return self._file.image(source)

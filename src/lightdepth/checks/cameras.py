@@ -1,0 +1,128 @@
+"""Do the cameras see what the photograph can show them?"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.cameras import Equirectangular, Fisheye, Perspective
+from lightdepth.checks.problem import Problem, Severity
+from lightdepth.checks.sampling import hidden, object_mesh
+from lightdepth.checks.view import CaptureView, enclosure, sphere
+from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.scene.model import CameraView, Scene
+
+AROUND = 0.75
+"""From this share of directions on that meet an object, a point is inside it."""
+FINER = 3.0
+"""So many times as many pixels to a degree as the photograph has make it visibly soft beside sharp objects."""
+MUCH_HIDDEN = 0.15
+"""Share of a camera's view that the capture point did not see from which a word is due."""
+FAR = 0.5
+"""A camera so far from the capture point, relative to the usual distance of surfaces, shows every error of their model."""
+AT_CAPTURE_POINT = 1e-3
+"""Metres."""
+
+
+def camera_problems(scene: Scene, view: CaptureView) -> list[Problem]:
+    """Find objects around the capture point or a camera, and cameras that ask more of the photograph than it has.
+
+    Args:
+        scene: the scene; it has real surfaces.
+        view: what the capture point sees.
+    """
+    problems = _around(scene)
+    for name, camera in scene.cameras.items():
+        told = f"[camera.{name}]"
+        soft, far = _softness(camera, scene), _far_away(camera, view)
+        problems += [Problem(Severity.HINT, f"{told}: {message}") for message in (soft, far) if message is not None]
+    return problems
+
+
+def _around(scene: Scene) -> list[Problem]:
+    points = {"the capture point": scene.panorama.position}
+    for name, camera in scene.cameras.items():
+        if np.linalg.norm(camera.position - scene.panorama.position) > AT_CAPTURE_POINT:
+            points[f"the camera '{name}'"] = camera.position
+    problems = []
+    for thing in scene.synthetic:
+        mesh = object_mesh(thing)
+        low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+        inside = [what for what, point in points.items() if np.all(point > low) and np.all(point < high)]
+        if not inside:
+            continue
+        caster = RayCaster([mesh])
+        for what in inside:
+            if enclosure(caster, points[what]) >= AROUND:
+                problems.append(
+                    Problem(
+                        Severity.WARNING,
+                        f'[[synthetic]] "{thing.name}": stands around {what}, which sees nothing but its inside; is its '
+                        "size or its place wrong?",
+                    )
+                )
+    return problems
+
+
+def _softness(view: CameraView, scene: Scene) -> str | None:
+    if not scene.panorama.radiance.size:
+        return None
+    width = scene.panorama.radiance.shape[1]
+    finer = pixels_per_degree(view) / (width / 360.0)
+    if finer < FINER:
+        return None
+    return (
+        f"has {pixels_per_degree(view):.3g} pixels to a degree, the panorama {width / 360.0:.3g}: the photograph will be "
+        f"{finer:.1f} times softer than the new objects. A panorama of {width * finer:.0f} pixels, a wider view or fewer "
+        "pixels would do"
+    )
+
+
+def pixels_per_degree(view: CameraView) -> float:
+    """Pixels to a degree in the middle of a camera's image."""
+    camera = view.camera
+    width = camera.resolution[0]
+    if isinstance(camera, Perspective):
+        return float(np.radians(width / (2.0 * np.tan(np.radians(0.5 * camera.fov)))))
+    if isinstance(camera, Fisheye):
+        return width / camera.fov
+    return width / 360.0
+
+
+def _far_away(view: CameraView, capture: CaptureView) -> str | None:
+    """Where a camera sees much that the capture point does not, or is far from it."""
+    distance = float(np.linalg.norm(view.position - capture.position))
+    if distance < AT_CAPTURE_POINT:
+        return None
+    directions = _directions(view)
+    hits = capture.caster.cast(view.position, directions)
+    met = np.isfinite(hits.distance)
+    if not met.any():
+        return None
+    points = view.position + hits.distance[met, None] * directions[met]
+    unseen = float(hidden(points, capture).mean()) * float(met.mean())
+    usual = float(np.median(capture.distance[np.isfinite(capture.distance)]))
+    if unseen < MUCH_HIDDEN and distance < FAR * usual:
+        return None
+    return (
+        f"is {distance:.2g} m from the capture point, and surfaces are {usual:.2g} m from that; {100.0 * unseen:.0f} % of "
+        "what it sees was hidden from there and has a colour from elsewhere, and errors of the model show. Stay nearer, or "
+        "model finer"
+    )
+
+
+def _directions(view: CameraView) -> NDArray[np.float64]:
+    """Spread over what a camera sees, unit, world, shape (n, 3)."""
+    camera, everywhere = view.camera, sphere(4000)
+    if isinstance(camera, Equirectangular):
+        return everywhere
+    local = everywhere @ view.rotation
+    if isinstance(camera, Perspective):
+        half = np.tan(np.radians(0.5 * camera.fov))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            x, z = local[:, 0] / local[:, 1], local[:, 2] / local[:, 1]
+        seen = (local[:, 1] > 0.0) & (np.abs(x) < half) & (np.abs(z) < half * camera.height / camera.width)
+    else:
+        fov = camera.fov if isinstance(camera, Fisheye) else 360.0
+        seen = local[:, 1] > np.cos(np.radians(min(0.5 * fov, 180.0)))
+    return everywhere[seen]

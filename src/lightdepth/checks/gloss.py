@@ -1,0 +1,40 @@
+"""Does the photograph show what declared gloss would mirror?"""
+
+from __future__ import annotations
+
+from lightdepth.checks.problem import Problem, Severity
+from lightdepth.kernel.start import start
+from lightdepth.scene.model import Scene
+
+HALF = 0.5
+"""Share of a lobe that is left, below which a user had better know."""
+
+
+def gloss_problems(scene: Scene) -> list[Problem]:
+    """Find gloss that would mirror more than the photograph shows, so that it is scaled down."""
+    shiny = [surface for surface in scene.real if surface.gloss is not None]
+    if not shiny or not scene.panorama.radiance.size:
+        return []
+    start()
+    from lightdepth.place.place import Place
+    from lightdepth.place.real_surfaces import merge_real_surfaces
+    from lightdepth.place.traced_surfaces import TracedSurfaces
+    from lightdepth.recovery.specular import fit_glosses
+
+    surfaces = merge_real_surfaces(scene.real)
+    fitted = fit_glosses(Place(scene.panorama, TracedSurfaces(surfaces), suns=scene.lights), surfaces)
+    scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))
+    problems = []
+    for surface in shiny:
+        scale = scales[surface.gloss] if surface.gloss is not None else 1.0
+        if scale < 1.0:
+            severity = Severity.WARNING if scale < HALF else Severity.HINT
+            problems.append(
+                Problem(
+                    severity,
+                    f'[[real]] "{surface.name}": its gloss would mirror more than the photograph shows; '
+                    f"only {100.0 * scale:.0f} % of the lobe is used. "
+                    "Lower specular, or mend what stands around it in the model",
+                )
+            )
+    return problems

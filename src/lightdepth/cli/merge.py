@@ -1,0 +1,71 @@
+"""`lightdepth merge`: the parts of a still that several processes rendered, to one picture."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+from rich.console import Console
+
+from lightdepth.cli.render import INTERRUPTED, Interruption, Reporter, check_output, chosen_layers, run
+from lightdepth.errors import InputError
+
+
+def merge(
+    parts: Annotated[list[Path], typer.Argument(help="Files of `render --share`.", show_default=False)],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", help="The EXR file to write, or a .sums file to merge again.")
+    ],
+    scene: Annotated[Path | None, typer.Option(help="The scene file, where it lies elsewhere by now.")] = None,
+    device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
+    denoise: Annotated[bool, typer.Option("--denoise", help="Denoise the change and the new objects only.")] = False,
+    exposure: Annotated[
+        float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
+    ] = 0.0,
+    layers: Annotated[
+        str,
+        typer.Option(help="Layers to write beside the picture, comma-separated; 'all' or 'none'."),
+    ] = "all",
+    repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
+    progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is reported.")] = "none",
+) -> None:
+    """Merge the parts of a still that `lightdepth render --share` has computed.
+
+    The picture is that of one process. All parts must be of the same scene, camera, seed and number of samples.
+
+    Example: lightdepth merge part1.sums part2.sums -o view.exr
+    """
+    from lightdepth.api import load_scene
+    from lightdepth.film.sums import PixelSums
+    from lightdepth.film.sums import merge as merged
+    from lightdepth.session.displays import ExrDisplay, PngDisplay
+    from lightdepth.session.session import Job, Session
+
+    to_sums = output.suffix.lower() == ".sums"
+    chosen = chosen_layers(layers)
+    files = [output] if to_sums else [output, output.with_suffix(".png")]
+    check_output(output, files, ".sums" if to_sums else ".exr")
+    sums = merged([PixelSums.load(part) for part in parts], [str(part) for part in parts])
+    if to_sums:
+        sums.save(output)
+        Console(stderr=True, highlight=False, soft_wrap=True).print(f"wrote {output}")
+        return
+    if not sums.complete:
+        missing = ", ".join(f"{share + 1}/{sums.of}" for share in range(sums.of) if share not in sums.shares)
+        raise InputError(f"{', '.join(map(str, parts))}: the picture is not complete, missing is {missing}")
+    if scene is None and not sums.origin.path:
+        raise InputError(f"{parts[0]}: does not say of which scene file it is; give it with --scene")
+    origin = sums.origin
+    with Interruption() as interruption:
+        try:
+            loaded = load_scene(scene or origin.path, repair)
+            job = Job(origin.camera, None, None, origin.method, origin.seed, origin.draft, denoise, merged=sums)
+            session = Session(loaded, device, keep=False)
+            session.display(ExrDisplay(output, chosen))
+            session.display(PngDisplay(files[1], exposure))
+            with Reporter(progress, files) as reporter:
+                run(session, job, reporter, interruption)
+        except KeyboardInterrupt:
+            Console(stderr=True).print("interrupted; nothing was written", style="yellow")
+            raise typer.Exit(INTERRUPTED) from None

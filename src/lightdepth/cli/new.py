@@ -1,0 +1,138 @@
+"""`lightdepth new`: from any panorama to a first picture, without a question."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from lightdepth.quickstart.objects import NewObject
+    from lightdepth.quickstart.place import GuessedPlace
+    from lightdepth.quickstart.pose import GuessedPose
+    from lightdepth.quickstart.spot import FloorSpot
+
+SAMPLES = 32
+
+
+def new(
+    panorama: Annotated[Path, typer.Argument(help="The panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
+    objects: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[OBJECT]...", help="Mesh files; without any, a chrome ball and a grey ball."),
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The scene file to begin; PANORAMA.toml by default.")
+    ] = None,
+    camera_height: Annotated[
+        float | None,
+        typer.Option(min=0.01, max=1000.0, metavar="M", help="Height of the lens above the floor, metres."),
+    ] = None,
+    place: Annotated[
+        Literal["auto", "box", "dome", "ground"],
+        typer.Option(help="What the place is: a room's box, a dome on the ground, or open ground under the sky."),
+    ] = "auto",
+    draft: Annotated[bool, typer.Option("--draft/--no-draft", help="Render a draft of the first picture.")] = True,
+) -> None:
+    """Begin a scene from a panorama and objects, and show them in it.
+
+    Level and heading are found from straight edges, walls by a box fitted to the room's edges, free floor by its
+    colour. What cannot be found is guessed. Every guess is a key in the scene file with a comment that says so.
+
+    Example: lightdepth new room.exr bottle.glb -o room.toml --camera-height 1.45
+    """
+    from dataclasses import replace
+
+    from rich.console import Console
+
+    from lightdepth.errors import InputError
+    from lightdepth.images.panorama_file import read_panorama
+    from lightdepth.images.validation import validate_panorama
+    from lightdepth.images.writing import check_writable
+    from lightdepth.quickstart.objects import default_objects, read_objects
+    from lightdepth.quickstart.place import guess_place
+    from lightdepth.quickstart.pose import guess_pose
+    from lightdepth.quickstart.scene import group_width, write_first_scene
+    from lightdepth.quickstart.spot import find_floor_spot
+
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    scene = output or Path(f"{panorama.stem}.toml")
+    if scene.suffix.lower() != ".toml":
+        raise InputError(f"-o {scene}: '{scene.suffix}' is not allowed; a scene file ends in .toml")
+    if scene.exists():
+        raise InputError(
+            f"-o {scene}: is there already; `new` begins a scene file and replaces none. Give another name"
+        )
+    check_writable(scene)
+    image = read_panorama(panorama)
+    radiance = validate_panorama(image.radiance, panorama, repair=True)
+    pose = guess_pose(replace(image, radiance=radiance), camera_height)
+    guessed = guess_place(radiance, pose, None if place == "auto" else place)
+    room = float((guessed.high - guessed.low).min())
+    things = read_objects(objects, 0.6 * room) if objects else default_objects()
+    group, deepest = group_width(things), max(float(thing.size[:2].max()) for thing in things)
+    distance = pose.height * min(0.8 + group, 1.7) + 0.5 * group
+    spot = find_floor_spot(radiance, pose, guessed, 0.5 * group, 0.5 * deepest, distance)
+    write_first_scene(scene, panorama, pose, guessed, things, spot, radiance)
+    for note in image.notes:
+        console.print(f"warning: {note}", style="yellow", markup=False)
+    _report(console, scene, pose, guessed, things, spot, camera_height)
+    if draft:
+        _draft(console, scene)
+
+
+def _report(
+    console: Console,
+    scene: Path,
+    pose: GuessedPose,
+    place: GuessedPlace,
+    things: list[NewObject],
+    spot: FloorSpot,
+    camera_height: float | None,
+) -> None:
+    console.print(f"level      {pose.rotation_words}", markup=False)
+    if camera_height is None:
+        console.print(
+            f"warning: the camera's height is not known and taken as {pose.height:g} m; every size and distance scales "
+            "with it: measure it and give --camera-height",
+            style="yellow",
+            markup=False,
+        )
+    console.print(f"place      {place.words}", markup=False)
+    free = "on free floor" if spot.is_free else "where the floor did not look free"
+    x, y, _ = spot.point
+    console.print(
+        f"objects    {', '.join(thing.name for thing in things)}: {free}, at {x:.2f}, {y:.2f} m", markup=False
+    )
+    for thing in things:
+        if thing.words:
+            console.print(f"warning: {thing.name}: {thing.words}", style="yellow", markup=False)
+    console.print(f"wrote {scene} with a folder of meshes; look for 'guess' in it", markup=False)
+
+
+def _draft(console: Console, scene: Path) -> None:
+    """Render the first picture roughly."""
+    import importlib.util
+
+    from rich.progress import Progress
+
+    from lightdepth.api import load_scene, render
+    from lightdepth.film.layers import write_frame, write_picture
+
+    target = scene.with_name(f"{scene.stem}-view.exr")
+    with Progress(console=console, transient=True) as bar:
+        task = bar.add_task("rendering a draft", total=1.0)
+        frame = render(
+            load_scene(scene, repair=True),
+            "view",
+            SAMPLES,
+            denoise=importlib.util.find_spec("mitsuba_oidn") is not None,
+            progress=lambda step: bar.update(task, completed=step.fraction),
+            draft=True,
+        )
+    write_frame(target, frame, layers=[])
+    write_picture(target.with_suffix(".png"), frame)
+    console.print(f"wrote {target} and {target.with_suffix('.png')}", markup=False)

@@ -1,0 +1,255 @@
+"""Sums of samples as a value: saved, loaded and merged, so that several processes can share one still."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.errors import InputError
+from lightdepth.film.arrays_file import read_arrays, write_arrays
+
+KIND = "lightdepth sums"
+ARRAYS: dict[str, tuple[type[np.generic], int]] = {
+    "pixels": (np.uint32, 1),
+    "taken": (np.uint32, 1),
+    "change": (np.float32, 3),
+    "synthetic": (np.float32, 3),
+    "squares": (np.float32, 3),
+    "covered": (np.float32, 1),
+    "light_change": (np.float32, 3),
+    "light_synthetic": (np.float32, 3),
+    "light_squares": (np.float32, 1),
+}
+"""Type of each array and its numbers per pixel."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """Part ``index`` of ``count`` of a still, that one process computes.
+
+    The parts of the camera's paths are sets of pixels, packet by packet in turn, so that they cost about the same; those
+    of the light's paths are every ``count``-th block of them.
+
+    Attributes:
+        index: from 0 on.
+        count: how many there are.
+    """
+
+    index: int = 0
+    count: int = 1
+
+    PACKET = 16
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.index < self.count:
+            raise InputError(f"share {self.index + 1}/{self.count}: the first number is from 1 to the second one")
+
+    @classmethod
+    def parse(cls, text: str) -> Share:
+        """A share as it is written, counted from 1: ``2/4`` is the second of four.
+
+        Raises:
+            InputError: it is not written so.
+        """
+        index, _, count = text.partition("/")
+        if not (index.isascii() and index.isdigit() and count.isascii() and count.isdigit()):
+            raise InputError(f"share '{text}': write it as 2/4, the second of four")
+        return cls(int(index) - 1, int(count))
+
+    def __str__(self) -> str:
+        return f"{self.index + 1}/{self.count}"
+
+    def owns(self, slots: NDArray[np.integer]) -> NDArray[np.bool_]:
+        """Which places in the list of pixels belong to this part, shape as ``slots``."""
+        if self.count == 1:
+            return np.ones(slots.shape, bool)
+        return (slots // self.PACKET) % self.count == self.index
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Which picture sums belong to; only sums of equal origin can be merged.
+
+    Attributes:
+        scene: digest of the scene, see :func:`~lightdepth.scene.identity.scene_digest`.
+        view: digest of the camera and its pose.
+        method: name of the method.
+        seed: of the random numbers.
+        size: width and height in pixels.
+        samples: per pixel, on average, that the whole picture has in the end.
+        version: of lightdepth.
+        path: the scene file, for whoever merges; does not count for equality.
+        camera: the camera's name, likewise.
+        draft: whether it is a draft.
+    """
+
+    scene: str
+    view: str
+    method: str
+    seed: int
+    size: tuple[int, int]
+    samples: int
+    version: str
+    path: str = field(default="", compare=False)
+    camera: str = field(default="", compare=False)
+    draft: bool = False
+
+    def difference(self, other: Origin) -> str | None:
+        """The first thing in which two origins differ, in words; ``None`` where there is none."""
+        for each in fields(self):
+            mine, theirs = getattr(self, each.name), getattr(other, each.name)
+            if each.compare and mine != theirs:
+                shown = "" if each.name in ("scene", "view") else f" ({theirs} and {mine})"
+                return f"another {'camera' if each.name == 'view' else each.name}{shown}"
+        return None
+
+
+@dataclass(frozen=True)
+class PixelSums:
+    """Sums over the samples of n pixels.
+
+    Attributes:
+        origin: the picture that they belong to.
+        shares: which parts of the still are in them.
+        of: how many parts there are.
+        pixels: row-major indices into the image, ascending, shape (n,), uint32.
+        taken: samples of each, shape (n,), uint32.
+        change: sums of the change of support surfaces' radiance, shape (n, 3), float32.
+        synthetic: sums of the radiance of new objects, shape (n, 3), float32.
+        squares: sums of the squares of ``change + synthetic``, shape (n, 3), float32.
+        covered: samples that met a new object, shape (n,), float32.
+        light_change: what paths from the light brought to support surfaces, shape (n, 3), float32.
+        light_synthetic: likewise to new objects, shape (n, 3), float32.
+        light_squares: squares of each of that, mean of the channels, shape (n,), float32.
+        light_count: paths from the light; each of the three divided by it is a mean.
+    """
+
+    origin: Origin
+    shares: tuple[int, ...]
+    of: int
+    pixels: NDArray[np.uint32]
+    taken: NDArray[np.uint32]
+    change: NDArray[np.float32]
+    synthetic: NDArray[np.float32]
+    squares: NDArray[np.float32]
+    covered: NDArray[np.float32]
+    light_change: NDArray[np.float32]
+    light_synthetic: NDArray[np.float32]
+    light_squares: NDArray[np.float32]
+    light_count: int = 0
+
+    @property
+    def complete(self) -> bool:
+        """Whether all parts of the still are there."""
+        return self.shares == tuple(range(self.of))
+
+    def within(self, region: tuple[int, int, int, int]) -> PixelSums:
+        """Those of the pixels in ``region`` alone: columns and rows (left, top, right, bottom), the last two beyond."""
+        left, top, right, bottom = region
+        row, column = np.divmod(self.pixels, np.uint32(self.origin.size[0]))
+        kept = (column >= left) & (column < right) & (row >= top) & (row < bottom)
+        return replace(self, **{name: getattr(self, name)[kept] for name in ARRAYS})
+
+    def save(self, path: Path) -> None:
+        """Write them to a file, which appears whole or not at all.
+
+        Raises:
+            InputError: it cannot be written.
+        """
+        write_arrays(path, KIND, self.header(), self.arrays())
+
+    def header(self) -> dict[str, Any]:
+        """All but the arrays, as plain values."""
+        return {
+            "origin": {**vars(self.origin), "size": list(self.origin.size)},
+            "shares": list(self.shares),
+            "of": self.of,
+            "light_count": self.light_count,
+        }
+
+    def arrays(self) -> dict[str, NDArray]:
+        """The arrays by name."""
+        return {name: getattr(self, name) for name in ARRAYS}
+
+    @classmethod
+    def load(cls, path: Path) -> PixelSums:
+        """Read a file that :meth:`save` wrote.
+
+        Raises:
+            InputError: it is missing, damaged, or something else.
+        """
+        return cls.from_arrays(path, *read_arrays(path, KIND))
+
+    @classmethod
+    def from_arrays(cls, path: Path, header: dict[str, Any], arrays: dict[str, NDArray]) -> PixelSums:
+        """The sums out of :meth:`header` and :meth:`arrays`, checked; ``path`` is for messages.
+
+        Raises:
+            InputError: something is missing or does not fit.
+        """
+        try:
+            origin = Origin(**{**header["origin"], "size": tuple(header["origin"]["size"])})
+            sums = cls(
+                origin,
+                tuple(int(share) for share in header["shares"]),
+                int(header["of"]),
+                **{name: arrays[name] for name in ARRAYS},
+                light_count=int(header["light_count"]),
+            )
+            count = len(sums.pixels)
+            for name, (kind, numbers) in ARRAYS.items():
+                array = arrays[name]
+                if array.dtype != kind or array.shape != ((count,) if numbers == 1 else (count, numbers)):
+                    raise ValueError(name)
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"{path}: its contents are damaged ({error})") from error
+        return sums
+
+
+def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> PixelSums:
+    """Sums of several parts of one picture together, in any order of the parts.
+
+    Args:
+        parts: at least one; no part of the still may be in two of them.
+        names: what the parts are called in messages; numbers by default.
+
+    Returns:
+        The sums, for every pixel that is in any of the parts. Where a pixel is in one part only, its sums are that
+        part's, bit for bit.
+
+    Raises:
+        InputError: there is nothing to merge, or the parts do not belong together.
+    """
+    called = list(names) if names is not None else [f"part {i + 1}" for i in range(len(parts))]
+    if not parts:
+        raise InputError("there are no parts to merge")
+    owner: dict[int, str] = {}
+    for part, name in zip(parts, called, strict=True):
+        different = parts[0].origin.difference(part.origin)
+        if different is None and part.of != parts[0].of:
+            different = f"another division ({part.of} and {parts[0].of} parts)"
+        if different is not None:
+            raise InputError(f"{name}: does not belong to {called[0]}: it is of {different}")
+        for share in part.shares:
+            if share in owner:
+                raise InputError(f"{name}: holds the part {share + 1}/{part.of}, which is in {owner[share]} as well")
+            owner[share] = name
+    pixels = np.unique(np.concatenate([part.pixels for part in parts])).astype(np.uint32)
+    total: dict[str, NDArray] = {
+        name: np.zeros((len(pixels),) if numbers == 1 else (len(pixels), numbers), kind)
+        for name, (kind, numbers) in ARRAYS.items()
+    }
+    total["pixels"] = pixels
+    # In the order of the shares, so that the result does not depend on that of the files.
+    for part in sorted(parts, key=lambda part: part.shares):
+        place = np.searchsorted(pixels, part.pixels)
+        for name in ARRAYS:
+            if name != "pixels":
+                total[name][place] += getattr(part, name)
+    light_count = sum(part.light_count for part in parts)
+    return PixelSums(parts[0].origin, tuple(sorted(owner)), parts[0].of, **total, light_count=light_count)

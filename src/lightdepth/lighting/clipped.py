@@ -1,0 +1,300 @@
+"""Recovering sources of light that the panorama clipped, from what they light."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.calibration.clicks import read_clicks
+from lightdepth.directions import FloatArray, direction_to_latlong, pixel_directions, pixel_solid_angles
+from lightdepth.errors import InputError
+from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.lighting.clipped_sources import Plateau, find_plateaus
+from lightdepth.lighting.explained import ExplainedLight
+from lightdepth.lighting.falloff import fit_gain
+from lightdepth.lighting.panorama_view import PanoramaView
+from lightdepth.lighting.patches import Clicks
+from lightdepth.lighting.sun_edges import align, foretold_edges, measured
+from lightdepth.lighting.sun_irradiance import FEWEST_PAIRS, SAMPLES, combine, compare_sides
+from lightdepth.lighting.sun_search import SunSearch
+from lightdepth.lighting.sunlight import Sunlight
+from lightdepth.scene.lights.clipped import ClippedSource, covered, unclipped
+from lightdepth.scene.model import Panorama, Scene
+
+SMALL = 2.0
+"""Degrees of spread up to which a plateau tells by itself where the sun is."""
+REACH = 6.0
+DARKEST, WHITEST = 0.03, 0.95
+"""Albedos that support has at least and at most: the bounds where nothing else tells more."""
+POINTS = 1500
+LIT = 0.3
+"""Share of the strongest irradiance from the source from which on a place tells of its bounds."""
+
+
+@dataclass(frozen=True)
+class RecoveredSource:
+    """A clipped source.
+
+    Attributes:
+        plateau: what the panorama shows of it.
+        source: with its radiance; ``None`` where nothing tells it.
+        method: ``shadow edges``, ``clicked pairs``, ``known albedo``, ``falloff``, or ``none``.
+        irradiance: of the source on a surface at the capture point that faces it, linear RGB, shape (3,); the map's own
+            where there is no better one.
+        clipped_irradiance: the same as the panorama has it.
+        low: lower bound of ``irradiance``, from albedos that matte surfaces can have.
+        high: upper bound.
+        uncertainty: relative standard error of ``irradiance``, shape (3,); NaN for none.
+        confidence: ``good``, ``fair``, ``poor`` or ``none``.
+    """
+
+    plateau: Plateau
+    source: ClippedSource | None
+    method: str
+    irradiance: FloatArray
+    clipped_irradiance: FloatArray
+    low: FloatArray
+    high: FloatArray
+    uncertainty: FloatArray
+    confidence: str
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Two clicked places of one material, the first in the source's light and the second in its shadow."""
+
+    lit: FloatArray
+    shaded: FloatArray
+
+
+def recover_clipped(
+    scene: Scene, pairs: Sequence[str] = (), grey: Sequence[str] = (), diameter: float = 0.53
+) -> list[RecoveredSource]:
+    """Find what clipped sources really send.
+
+    Args:
+        scene: the place.
+        pairs: ``"x,y x,y"``: a place lit by the source and one of the same material in its shadow, in pixels.
+        grey: ``"x,y albedo"`` or ``"x,y red green blue"``: a place whose albedo is known, such as a grey card, lit by the
+            source.
+        diameter: of the sun's disc, degrees; its radiance is limited to it where the sky around it clipped too.
+
+    Returns:
+        The sources, the largest first; empty where nothing clipped.
+
+    Raises:
+        InputError: clicks that are none, lie beside the surfaces, or contradict each other; no real surfaces.
+    """
+    scene = replace(scene, panorama=replace(scene.panorama, unclipped=None))
+    view = PanoramaView(scene)
+    size = scene.panorama.radiance.shape[:2]
+    height, width = size
+    caster = RayCaster([surface.mesh for surface in scene.real])
+    directions = pixel_directions(height, width).reshape(-1, 3) @ scene.panorama.rotation.T
+    distance = caster.cast(scene.panorama.position, directions).distance.reshape(size)
+    plateaus = find_plateaus(scene, distance)
+    clicked = [_read_pair(text, size, view) for text in pairs]
+    known = [_read_grey(text, size, view) for text in grey]
+    if (clicked or known) and len(plateaus) > 1:
+        plateaus = plateaus[:1]  # Clicks tell of the strongest one.
+    results: list[RecoveredSource] = []
+    for plateau in plateaus:
+        results.append(_recovered(scene, view, plateau, clicked, known, diameter))
+        if results[-1].source is not None:
+            light = unclipped(scene.panorama.radiance, results[-1].source)
+            scene = replace(scene, panorama=replace(scene.panorama, radiance=light))
+    return results
+
+
+def _recovered(
+    scene: Scene,
+    view: PanoramaView,
+    plateau: Plateau,
+    pairs: Sequence[Pair],
+    grey: Sequence[tuple[FloatArray, FloatArray]],
+    diameter: float,
+) -> RecoveredSource:
+    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
+    sunlight = Sunlight(scene) if plateau.sky else None
+    direction = plateau.direction
+    sun = plateau.sky and plateau.spread > 0.5 * diameter
+    if sunlight is not None and plateau.spread > max(SMALL, 0.75 * diameter):
+        found = _sun_within(scene, view, sunlight, explained, plateau)
+        direction, sun = (plateau.direction, False) if found is None else (found, True)
+    place = _source_at(scene, view, plateau, direction, diameter if sun else None)
+    share = covered(scene.panorama.radiance, place)
+    angles = pixel_solid_angles(*share.shape)[:, None] * share
+    now = (scene.panorama.radiance * angles[..., None]).sum(axis=(0, 1)).astype(np.float64)
+    low, high = _bounds(scene, view, explained, place, now)
+    nothing = RecoveredSource(plateau, None, "none", now, now, low, high, np.full(3, np.nan), "none")
+    extra, error, method = None, np.full(3, np.nan), "none"
+    if grey:
+        extra, error, method = (*_from_grey(view, explained, grey, direction, now), "known albedo")
+    elif pairs:
+        extra, error, method = (*_from_pairs(view, explained, pairs, direction), "clicked pairs")
+    elif sunlight is not None:
+        edges = measured(view, foretold_edges(view, sunlight, direction), REACH)
+        edges = edges.where(np.isfinite(edges.offset))
+        compared = compare_sides(view, sunlight, explained, edges, direction, max(diameter, 0.01))
+        if len(compared.irradiance) >= FEWEST_PAIRS:
+            combined = combine(compared)
+            extra, error, method = combined.value, combined.uncertainty, "shadow edges"
+    if extra is None:
+        gain, relative = fit_gain(scene, view, share)
+        if gain is None:
+            return nothing
+        extra, error, method = (gain - 1.0) * now, relative * gain * now, "falloff"
+    total = np.maximum(now + extra, now)
+    relative = error / np.maximum(total, 1e-30)
+    radiance = total / float(angles.sum())
+    worst = float(np.nanmax(relative)) if np.isfinite(relative).any() else 1.0
+    confidence = "good" if worst <= 0.05 else "fair" if worst <= 0.15 else "poor"
+    if method == "falloff" and confidence == "good":
+        confidence = "fair"
+    source = replace(place, radiance=radiance)
+    return RecoveredSource(plateau, source, method, total, now, low, high, relative, confidence)
+
+
+def _source_at(
+    scene: Scene, view: PanoramaView, plateau: Plateau, direction: FloatArray, diameter: float | None
+) -> ClippedSource:
+    if diameter is None:
+        return ClippedSource(plateau.pixel, np.zeros(3))
+    u, v = direction_to_latlong(direction @ scene.panorama.rotation)
+    height, width = scene.panorama.radiance.shape[:2]
+    return ClippedSource((float(u) * width % width, min(float(v) * height, height - 1e-3)), np.zeros(3), diameter)
+
+
+def _sun_within(
+    scene: Scene, view: PanoramaView, sunlight: Sunlight, explained: ExplainedLight, plateau: Plateau
+) -> FloatArray | None:
+    """The sun's direction inside a plateau of sky that is much larger than it, from the shadows that the model throws."""
+    height, width = plateau.pixels.shape
+
+    def inside(directions: FloatArray) -> NDArray[np.bool_]:
+        u, v = direction_to_latlong(directions @ scene.panorama.rotation)
+        return plateau.pixels[np.minimum((v * height).astype(int), height - 1), (u * width).astype(int) % width]
+
+    search = SunSearch(view, sunlight, explained, Clicks(), inside)
+    fits = [fit for fit in (align(view, sunlight, each.direction) for each in search.best()[:3]) if fit is not None]
+    fits = [fit for fit in fits if inside(fit.direction[None])[0]]
+    return max(fits, key=lambda fit: fit.quality).direction if fits else None
+
+
+def _from_pairs(
+    view: PanoramaView, explained: ExplainedLight, pairs: Sequence[Pair], direction: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Irradiance beyond the map's on a surface that faces the source, from clicked pairs, and its standard error."""
+    lit, shaded = np.array([pair.lit for pair in pairs]), np.array([pair.shaded for pair in pairs])
+    seen_lit, seen_shaded = view.look(lit), view.look(shaded)
+    light = explained.irradiance(seen_lit.point, seen_lit.normal, SAMPLES)
+    # The shadow's caster may not be modelled: there the source's clipped light is still in the map, but not the rest.
+    shade = explained.irradiance(seen_shaded.point, seen_shaded.normal, SAMPLES)
+    cosine = seen_lit.normal @ direction
+    if np.any(cosine <= 0.05):
+        raise InputError("--pair: a surface that is said to be lit faces away from the clipped source")
+    ratio = _around(view, lit) / np.maximum(_around(view, shaded), 1e-30)
+    values = (ratio * shade - light) / cosine[:, None]
+    if np.any(np.median(values, axis=0) < 0.0):
+        raise InputError(
+            "--pair: the places contradict each other: the first of each pair must be in the source's light and brighter "
+            "than the second, in its shadow, for all that the map explains"
+        )
+    return _median(values)
+
+
+def _from_grey(
+    view: PanoramaView,
+    explained: ExplainedLight,
+    grey: Sequence[tuple[FloatArray, FloatArray]],
+    direction: FloatArray,
+    now: FloatArray,
+) -> tuple[FloatArray, FloatArray]:
+    """The same from places of known albedo."""
+    places = np.array([place for place, _ in grey])
+    albedo = np.array([value for _, value in grey])
+    seen = view.look(places)
+    cosine = seen.normal @ direction
+    if np.any(cosine <= 0.05):
+        raise InputError("--grey: the surface faces away from the clipped source")
+    light = explained.irradiance(seen.point, seen.normal, SAMPLES)
+    values = (np.pi * _around(view, places) / albedo - light) / cosine[:, None]
+    if np.any(np.median(values, axis=0) < -0.1 * now):
+        raise InputError(
+            "--grey: with this albedo the place is darker than the panorama's own light makes it; the albedo is too large, "
+            "or the place is in shadow"
+        )
+    return _median(values)
+
+
+def _median(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+    value = np.median(values, axis=0)
+    if len(values) < 3:
+        return value, 0.1 * np.abs(value)
+    spread = 1.4826 * np.median(np.abs(values - value), axis=0)
+    return value, 1.2533 * spread / np.sqrt(len(values))
+
+
+def _around(view: PanoramaView, places: FloatArray) -> FloatArray:
+    """Mean radiance of 3 by 3 pixels."""
+    steps = [np.array([dx, dy]) for dx in (-1.0, 0.0, 1.0) for dy in (-1.0, 0.0, 1.0)]
+    return np.asarray(np.mean([view.colour(places + step) for step in steps], axis=0))
+
+
+def _bounds(
+    scene: Scene, view: PanoramaView, explained: ExplainedLight, place: ClippedSource, now: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Irradiances of the source between which every lit surface has an albedo that matte surfaces can have."""
+    only = ExplainedLight(_alone(scene, covered(scene.panorama.radiance, place)), scene.real, scene.render.seed)
+    pixels = view.centers()
+    rng = np.random.default_rng(scene.render.seed)
+    pixels = pixels[rng.choice(len(pixels), min(POINTS, len(pixels)), replace=False)]
+    seen = view.look(pixels)
+    usable = (seen.surface >= 0) & ~view.opening[seen.surface]
+    points, normals = seen.point[usable], seen.normal[usable]
+    source, light = only.irradiance(points, normals, 64), explained.irradiance(points, normals, 64)
+    white = np.pi * view.colour(pixels[usable])
+    strength = source.mean(axis=1)
+    lit = strength > LIT * float(strength.max(initial=0.0))
+    if not lit.any():
+        return now, np.full(3, np.inf)
+    gains = [((white[lit] / albedo) - light[lit]) / source[lit].clip(1e-30) + 1.0 for albedo in (WHITEST, DARKEST)]
+    lowest = np.maximum(np.percentile(gains[0], 95.0, axis=0), 1.0)
+    return lowest * now, np.maximum(np.percentile(gains[1], 5.0, axis=0), lowest) * now
+
+
+def _alone(scene: Scene, share: FloatArray) -> Panorama:
+    radiance = scene.panorama.radiance * share[..., None].astype(np.float32)
+    return replace(scene.panorama, radiance=radiance)
+
+
+def _read_pair(text: str, size: tuple[int, int], view: PanoramaView) -> Pair:
+    lit, shaded = _places(read_clicks(text, size, "--pair", 2), view, "--pair")
+    return Pair(lit, shaded)
+
+
+def _read_grey(text: str, size: tuple[int, int], view: PanoramaView) -> tuple[FloatArray, FloatArray]:
+    words = text.split()
+    try:
+        albedo = np.array([float(word) for word in words[1:]])
+    except ValueError:
+        albedo = np.zeros(0)
+    if len(albedo) not in (1, 3):
+        raise InputError(f'--grey: \'{text}\': write a place and its albedo as "x,y albedo" or "x,y red green blue"')
+    if not np.all((albedo >= 0.01) & (albedo <= 1.0)):
+        raise InputError(f"--grey: '{text}': the albedo is not between 0.01 and 1")
+    albedo = np.broadcast_to(albedo, 3)
+    return _places(read_clicks(words[0], size, "--grey", 1), view, "--grey")[0], albedo
+
+
+def _places(clicks: FloatArray, view: PanoramaView, option: str) -> FloatArray:
+    """Clicked places as pixels of the view; they must lie on surfaces."""
+    u, v = direction_to_latlong(clicks)
+    pixels = np.stack([u * view.width, v * view.height], axis=-1)
+    nowhere = np.flatnonzero(view.look(pixels).surface < 0)
+    if len(nowhere):
+        raise InputError(f"{option}: point {nowhere[0] + 1} lies on no real surface")
+    return pixels

@@ -1,0 +1,301 @@
+"""The direction of the sun from the edges of its patches, to a fraction of a pixel.
+
+The edges that a direction foretells are compared with those that the photograph shows across them; by how much they
+move with the direction is measured on the model, and least squares over all of them gives the next direction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.directions import FloatArray
+from lightdepth.lighting.panorama_view import REC709, PanoramaView
+from lightdepth.lighting.sunlight import Sunlight, turned
+
+BISECTIONS = 7
+REACHES = (8.0, 6.0, 4.0, 3.0, 3.0, 2.5, 2.5)
+"""Heights of a pixel to each side of the foretold edge within which the photograph's is looked for, round by round."""
+STEP = 0.5
+"""Heights of a pixel between samples across an edge."""
+HALF_EDGE = 2.5
+"""Heights of a pixel over which an edge is blurred at most, to each side."""
+PLATEAU = 2.0
+"""Heights of a pixel beyond that, over which the brightness of either side is averaged."""
+LEAST_STEP = 1.12
+"""How many times brighter the lit side is at least."""
+LARGEST_TURN = 0.15
+"""Degrees by which the direction is turned to see how edges move;"""
+FARTHEST = 4.0
+"""and heights of a pixel by which they may do so."""
+ON_EDGE = 1.0
+"""Heights of a pixel up to which a photographed edge counts as the foretold one."""
+EXACT = 0.3
+"""Heights of a pixel off at which a foretold edge is worth half as much as one in the right place."""
+MOST_EDGES = 4000
+FEWEST_EDGES = 12
+ENOUGH_EDGES = 60
+"""Edges that stand alone, from which on those beside other edges are left out."""
+POLE = 0.06
+"""Share of the picture's height at the poles where edges are not used."""
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Places on the edges of the patches that a direction foretells.
+
+    Attributes:
+        pixel: x, y, shape (n, 2), in pixels.
+        toward_light: unit, on the picture's sphere (right and down), to the lit side, shape (n, 2).
+        surface: index of the real surface, shape (n,).
+        moves: heights of a pixel toward the light by which it moves per degree of turning the direction to the right
+            and up, shape (n, 2).
+        offset: heights of a pixel toward the light at which the photograph shows the edge, shape (n,); NaN for none.
+        contrast: how many times brighter the lit side is, shape (n,); NaN where there is no edge.
+    """
+
+    pixel: FloatArray
+    toward_light: FloatArray
+    surface: NDArray[np.int32]
+    moves: FloatArray
+    offset: FloatArray
+    contrast: FloatArray
+
+    def where(self, chosen: NDArray[np.bool_]) -> Edges:
+        """Some of them."""
+        values = (getattr(self, name)[chosen] for name in self.__dataclass_fields__)
+        return Edges(*values)
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """A direction whose foretold edges lie on the photograph's.
+
+    Attributes:
+        direction: toward the sun, unit, world, shape (3,).
+        uncertainty: standard error of it, degrees.
+        edges: that were found and agree with it.
+        foretold: how many edges the model foretells that could have been found.
+        residual: root mean square distance between foretold and photographed edges, heights of a pixel.
+    """
+
+    direction: FloatArray
+    uncertainty: float
+    edges: Edges
+    foretold: int
+    residual: float
+
+    @property
+    def quality(self) -> float:
+        """How much of what the direction foretells is there, and how exactly; in [0, 1]."""
+        return float(np.sum(1.0 / (1.0 + (self.edges.offset / EXACT) ** 2))) / max(self.foretold, 1)
+
+
+def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alignment | None:
+    """Turn a direction until the edges of what it lights fit.
+
+    Args:
+        view: the photograph.
+        sunlight: where the sun shines.
+        direction: to begin with, within about 1.5 degrees; unit, world, shape (3,).
+
+    Returns:
+        The direction, or ``None`` where too few edges are found.
+    """
+    for reach in REACHES:
+        edges = measured(view, foretold_edges(view, sunlight, direction), reach)
+        found = np.isfinite(edges.offset)
+        if found.sum() < FEWEST_EDGES:
+            return None
+        turn, *_ = _least_squares(edges.moves[found], edges.offset[found])
+        length = float(np.hypot(*turn))
+        turn *= min(1.0, 1.5 / max(length, 1e-12))
+        direction = turned(direction, float(turn[0]), float(turn[1]))
+    edges = measured(view, foretold_edges(view, sunlight, direction), REACHES[-1])
+    found = np.isfinite(edges.offset)
+    if found.sum() < FEWEST_EDGES:
+        return None
+    _, weight, covariance, scale = _least_squares(edges.moves[found], edges.offset[found])
+    good = np.asarray(found & (np.abs(np.nan_to_num(edges.offset)) < ON_EDGE))
+    good[found] &= weight > 0.0
+    if good.sum() < FEWEST_EDGES:
+        return None
+    residual = float(np.sqrt(np.mean(edges.offset[good] ** 2)))
+    # The typical edge may be better than the fit.
+    uncertainty = float(np.sqrt(np.trace(covariance))) * max(1.0, residual / scale)
+    return Alignment(direction, uncertainty, edges.where(good), len(edges.pixel), residual)
+
+
+def foretold_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Edges:
+    """Places on the edges that a direction foretells, not yet measured."""
+    height, width = view.height, view.width
+    centers = view.centers()
+    seen = view.look(centers)
+    usable = (seen.surface >= 0) & ~view.opening[seen.surface]
+    lit = np.zeros(len(centers), dtype=bool)
+    lit[usable] = sunlight.lit(seen.point[usable], seen.normal[usable], direction)
+    lit_picture = lit.reshape(height, width)
+    surface = np.where(usable, seen.surface, -1).reshape(height, width)
+    normal = seen.normal.reshape(height, width, 3)
+    rows = np.arange(height)[:, None] / height
+    pairs = []
+    for axis in (0, 1):
+        there = np.roll(lit_picture, -1, axis)
+        alike = (surface == np.roll(surface, -1, axis)) & (surface >= 0)
+        alike &= np.einsum("ijk,ijk->ij", normal, np.roll(normal, -1, axis)) > 0.99
+        change = (there != lit_picture) & alike & (rows > POLE) & (rows < 1.0 - POLE)
+        if axis == 0:
+            change[-1] = False
+        y, x = np.nonzero(change)
+        start = np.stack([x + 0.5, y + 0.5], axis=-1)
+        end = start + np.array([0.0, 1.0] if axis == 0 else [1.0, 0.0])
+        pairs.append((start, end, surface[y, x]))
+    start, end, of = (np.concatenate([pair[i] for pair in pairs]) for i in range(3))
+    if not len(start):
+        none = np.zeros((0, 2))
+        return Edges(none, none, np.zeros(0, np.int32), none, np.zeros(0), np.zeros(0))
+    if len(start) > MOST_EDGES:
+        kept = np.linspace(0, len(start) - 1, MOST_EDGES).astype(int)
+        start, end, of = start[kept], end[kept], of[kept]
+    first_lit = lit_picture[start[:, 1].astype(int), start[:, 0].astype(int) % width]
+    shaded, bright = np.where(first_lit[:, None], end, start), np.where(first_lit[:, None], start, end)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (shaded + bright)
+        here = _lit(view, sunlight, middle, of, direction)
+        bright, shaded = np.where(here[:, None], middle, bright), np.where(here[:, None], shaded, middle)
+    pixel = 0.5 * (shaded + bright)
+    pixel[:, 0] %= width
+    toward = _gradient(lit_picture, pixel)
+    fine = np.hypot(*toward.T) > 0.02
+    pixel, toward, of = pixel[fine], toward[fine], of[fine]
+    toward /= np.linalg.norm(toward, axis=1, keepdims=True)
+    moves = np.stack(
+        [
+            _moved(view, sunlight, pixel, toward, of, turned(direction, a, b)) / LARGEST_TURN
+            for a, b in ((LARGEST_TURN, 0.0), (0.0, LARGEST_TURN))
+        ],
+        axis=-1,
+    ).reshape(-1, 2)
+    nothing = np.full(len(pixel), np.nan)
+    edges = Edges(pixel, toward, of, moves, nothing, nothing)
+    edges = edges.where(np.asarray(np.isfinite(moves).all(axis=1)))
+    alone = _alone(view, sunlight, edges, direction)
+    return edges.where(alone) if alone.sum() >= ENOUGH_EDGES else edges
+
+
+def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
+    """The edges with where the photograph shows them, if it does within so many heights of a pixel."""
+    if not len(edges.pixel):
+        return edges
+    outer = reach + HALF_EDGE + PLATEAU
+    offsets = np.arange(-outer, outer + STEP / 2, STEP)
+    count = len(edges.pixel)
+    places = view.moved(
+        np.repeat(edges.pixel, len(offsets), axis=0),
+        np.repeat(edges.toward_light, len(offsets), axis=0),
+        np.tile(offsets, count),
+    )
+    profile = (view.colour(places) @ REC709).reshape(count, len(offsets))
+    near = np.abs(offsets) <= HALF_EDGE + 1.0
+    same = view.look(places).surface.reshape(count, -1) == edges.surface[:, None]
+    plateau, half = round(PLATEAU / STEP), round(HALF_EDGE / STEP)
+    sums = np.concatenate([np.zeros((count, 1)), np.cumsum(profile, axis=1)], axis=1)
+    whole = np.concatenate([np.zeros((count, 1)), np.cumsum(~same, axis=1)], axis=1)
+    first = half + plateau
+    at = np.arange(first, len(offsets) - first)
+    low = (sums[:, at - half + 1] - sums[:, at - half + 1 - plateau]) / plateau
+    high = (sums[:, at + half + plateau] - sums[:, at + half]) / plateau
+    broken = whole[:, at + half + plateau] - whole[:, at - half + 1 - plateau] > 0
+    # The steepest place first, so that the two sides of a narrow bar are told apart.
+    slope = (sums[:, at + 3] - sums[:, at + 1]) - (sums[:, at] - sums[:, at - 2])
+    step = np.where(broken | (high < LEAST_STEP * low) | (low <= 0.0), -np.inf, slope / np.maximum(low + high, 1e-30))
+    best = np.argmax(step, axis=1)
+    index = np.arange(count)
+    found = np.isfinite(step[index, best]) & (step[index, best] > 0.0) & near.any()
+    middle = at[best]
+    dark, bright = low[index, best], high[index, best]
+    window = middle[:, None] + np.arange(-half, half + 1)
+    share = (profile[index[:, None], window] - dark[:, None]) / np.maximum(bright - dark, 1e-30)[:, None]
+    weights = np.ones(2 * half + 1)
+    weights[[0, -1]] = 0.5
+    area = (np.clip(share, -0.3, 1.3) * weights).sum(axis=1) * STEP
+    offset = offsets[middle] + half * STEP - area
+    contrast = bright / np.maximum(dark, 1e-30)
+    return replace(edges, offset=np.where(found, offset, np.nan), contrast=np.where(found, contrast, np.nan))
+
+
+def _lit(
+    view: PanoramaView, sunlight: Sunlight, pixels: FloatArray, surface: NDArray[np.int32], direction: FloatArray
+) -> NDArray[np.bool_]:
+    """Whether the places are lit; those off their surface are not."""
+    seen = view.look(pixels)
+    return sunlight.lit(seen.point, seen.normal, direction) & (seen.surface == surface)
+
+
+def _alone(view: PanoramaView, sunlight: Sunlight, edges: Edges, direction: FloatArray) -> NDArray[np.bool_]:
+    """Edges with nothing but light on one side and shade on the other, as far as they are looked at.
+
+    Across a bar of a pixel's width the photograph shows a groove, and no edge where there is one.
+    """
+    alone = np.ones(len(edges.pixel), dtype=bool)
+    for by in (1.5, 3.0, HALF_EDGE + PLATEAU):
+        for sign in (-1.0, 1.0):
+            place = view.moved(edges.pixel, edges.toward_light, sign * by)
+            alone &= _lit(view, sunlight, place, edges.surface, direction) == (sign > 0.0)
+    return alone
+
+
+def _gradient(lit: NDArray[np.bool_], pixel: FloatArray) -> FloatArray:
+    """Slope of the blurred picture of what is lit on the picture's sphere (right and down), shape (n, 2)."""
+    padded = np.pad(lit.astype(np.float32), ((0, 0), (8, 8)), mode="wrap")
+    padded = np.pad(padded, ((8, 8), (0, 0)), mode="edge")
+    blurred = cv2.GaussianBlur(padded, (0, 0), 1.5)
+    right, down = cv2.Sobel(blurred, cv2.CV_32F, 1, 0, scale=0.125), cv2.Sobel(blurred, cv2.CV_32F, 0, 1, scale=0.125)
+    x, y = (pixel[:, 0] + 7.5).astype(np.float32)[None], (pixel[:, 1] + 7.5).astype(np.float32)[None]
+    slopes = [cv2.remap(image, x, y, cv2.INTER_LINEAR)[0] for image in (right, down)]
+    stretch = np.maximum(np.sin(np.pi * pixel[:, 1] / lit.shape[0]), 0.05)
+    return np.stack([slopes[0] / stretch, slopes[1]], axis=-1).astype(np.float64)
+
+
+def _moved(
+    view: PanoramaView,
+    sunlight: Sunlight,
+    pixel: FloatArray,
+    toward: FloatArray,
+    surface: NDArray[np.int32],
+    direction: FloatArray,
+) -> FloatArray:
+    """How far toward the light the edges lie for another direction, heights of a pixel; NaN where they are not near."""
+    low, high = np.full(len(pixel), -FARTHEST), np.full(len(pixel), FARTHEST)
+    good = ~_lit(view, sunlight, view.moved(pixel, toward, low), surface, direction)
+    good &= _lit(view, sunlight, view.moved(pixel, toward, high), surface, direction)
+    for _ in range(BISECTIONS + 3):
+        middle = 0.5 * (low + high)
+        here = _lit(view, sunlight, view.moved(pixel, toward, middle), surface, direction)
+        low, high = np.where(here, low, middle), np.where(here, middle, high)
+    return np.where(good, 0.5 * (low + high), np.nan)
+
+
+def _least_squares(moves: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """The turn that explains the offsets, by least squares that leave outliers out (Tukey's biweight).
+
+    Returns:
+        Degrees to the right and up, the weights, the covariance of the turn, and the typical residual.
+    """
+    weight = np.ones(len(offset))
+    turn = np.zeros(2)
+    scale = 1.0
+    for _ in range(20):
+        weighted = moves * weight[:, None]
+        # A little stiffness keeps what the edges do not determine where it is.
+        normal = weighted.T @ moves + 1e-3 * np.trace(weighted.T @ moves) / 2.0 * np.eye(2)
+        turn = np.linalg.solve(normal, weighted.T @ offset)
+        residual = offset - moves @ turn
+        scale = max(1.4826 * float(np.median(np.abs(residual))), 0.08)
+        weight = np.where(np.abs(residual) < 4.0 * scale, (1.0 - (residual / (4.0 * scale)) ** 2) ** 2, 0.0)
+    # Neighbouring edges share what is wrong with them: about one in five stands for itself.
+    covariance = 5.0 * scale**2 * np.linalg.inv(normal)
+    return turn, weight, covariance, scale

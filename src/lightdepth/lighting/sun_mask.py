@@ -1,0 +1,170 @@
+"""The pattern that falls through a window: the patch of sun itself, projected back along the sun's direction.
+
+Bars, curtains and trees outside need no model: how bright each place in the patch is, compared with its shade, is the
+share of the sun that passed toward it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, maximum_filter, minimum_filter
+
+from lightdepth.directions import FloatArray
+from lightdepth.errors import InputError
+from lightdepth.lighting.explained import ExplainedLight
+from lightdepth.lighting.panorama_view import REC709, PanoramaView
+from lightdepth.lighting.sun import RecoveredSun
+from lightdepth.lighting.sunlight import Sunlight
+from lightdepth.scene.lights.frame import sun_axes
+from lightdepth.scene.model import Scene
+
+FINENESS = 0.8
+"""Of the mask's texels, relative to the patch's pixels as the sun sees them."""
+LARGEST = 2048
+MARGIN = 4.0
+"""Texels around what the sun shines through."""
+SAMPLES = 128
+LIGHT_POINTS = 3000
+NEAR = 40
+"""Nearest shaded pixels of the same surface that tell a place's albedo."""
+FEWEST_PIXELS = 30
+
+
+@dataclass(frozen=True)
+class SunMask:
+    """A pattern.
+
+    Attributes:
+        transmittance: in [0, 1], shape (h, w), float32; row 0 is the top.
+        extent: left, bottom, right and top in the plane across the sun's direction, metres, along
+            :func:`~lightdepth.scene.lights.frame.sun_axes`.
+    """
+
+    transmittance: NDArray[np.float32]
+    extent: tuple[float, float, float, float]
+
+
+def recover_mask(scene: Scene, sun: RecoveredSun) -> SunMask:
+    """Recover the pattern in which a recovered sun falls into the place.
+
+    Places that the sun would reach through the modelled openings but that the photograph does not show are taken to get
+    what the nearest that it shows get.
+
+    Args:
+        scene: the place.
+        sun: recovered in it.
+
+    Raises:
+        InputError: the photograph shows too little of the patch, or no shade of the surfaces that it lies on.
+    """
+    from scipy.spatial import cKDTree
+
+    view, sunlight = PanoramaView(scene), Sunlight(scene)
+    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
+    pixels = view.centers()
+    seen = view.look(pixels)
+    usable = np.flatnonzero((seen.surface >= 0) & ~view.opening[seen.surface])
+    points, normals, surface = seen.point[usable], seen.normal[usable], seen.surface[usable]
+    share = sunlight.share(points, normals, sun.direction, sun.diameter)
+    in_patch, in_shade = np.flatnonzero(share > 0.0), share == 0.0
+    if len(in_patch) < FEWEST_PIXELS:
+        raise InputError(
+            f"{scene.path or 'scene'}: the photograph shows {len(in_patch)} pixels of the patch of sun; a mask needs "
+            f"{FEWEST_PIXELS}"
+        )
+    # What is near the patch is enough to know the shade's albedo by.
+    near = _near(in_patch, usable, share, view)
+    chosen = np.concatenate([in_patch, near])
+    light = _irradiance(explained, points[chosen], normals[chosen])
+    brightness = view.colour(pixels[usable[chosen]])
+    apparent = np.pi * brightness / np.maximum(light, 1e-12)
+    transmittance = np.full(len(in_patch), np.nan)
+    for index in np.unique(surface[in_patch]):
+        here = np.flatnonzero(surface[in_patch] == index)
+        shade = len(in_patch) + np.flatnonzero((surface[near] == index) & in_shade[near])
+        if len(shade) < FEWEST_PIXELS:
+            continue
+        tree = cKDTree(points[chosen[shade]])
+        _, neighbours = tree.query(points[in_patch[here]], k=min(NEAR, len(shade)))
+        albedo = np.median(apparent[shade][neighbours], axis=1)
+        cosine = normals[in_patch[here]] @ sun.direction
+        excess = np.pi * brightness[here] / np.maximum(albedo, 1e-6) - light[here]
+        transmittance[here] = (excess / (sun.irradiance.value * cosine[:, None])) @ REC709
+    # Edges of the patch mix both sides; what the modelled openings hold back there is not the mask's.
+    known = np.isfinite(transmittance) & _within(view, usable, share == 1.0)[in_patch]
+    if known.sum() < FEWEST_PIXELS:
+        raise InputError(
+            f"{scene.path or 'scene'}: no mask can be recovered: the surfaces under the patch show no shade beside it"
+        )
+    openings = [surface.mesh.vertices for surface in scene.real if surface.opening]
+    return _projected(
+        points[in_patch[known]],
+        np.clip(transmittance[known], 0.0, 1.0),
+        np.concatenate([np.zeros((0, 3)), *openings]),
+        sun.direction,
+        view,
+    )
+
+
+def _within(view: PanoramaView, usable: NDArray[np.intp], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Usable pixels that are lit and whose neighbours are too."""
+    picture = np.zeros(view.height * view.width, dtype=bool)
+    picture[usable[lit]] = True
+    inner = minimum_filter(picture.reshape(view.height, view.width), size=3, mode=("nearest", "wrap"))
+    return np.asarray(inner.reshape(-1)[usable], dtype=bool)
+
+
+def _near(
+    in_patch: NDArray[np.intp], usable: NDArray[np.intp], share: FloatArray, view: PanoramaView
+) -> NDArray[np.intp]:
+    """Usable pixels in the shade, not far from the patch in the panorama."""
+    picture = np.zeros(view.height * view.width, dtype=bool)
+    picture[usable[in_patch]] = True
+    reach = view.height // 12
+    around = maximum_filter(picture.reshape(view.height, view.width), size=2 * reach + 1, mode=("nearest", "wrap"))
+    edge = maximum_filter(picture.reshape(view.height, view.width), size=5, mode=("nearest", "wrap"))
+    wanted = (around & ~edge).reshape(-1)[usable]
+    return np.flatnonzero(wanted & (share == 0.0))
+
+
+def _irradiance(explained: ExplainedLight, points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Irradiance at many points, from some of them."""
+    from scipy.spatial import cKDTree
+
+    some = np.arange(0, len(points), max(1, len(points) // LIGHT_POINTS))
+    known = explained.irradiance(points[some], normals[some], SAMPLES)
+    scale = max(float(np.ptp(points, axis=0).max()), 1e-6)
+    features = np.concatenate([points, scale * normals], axis=1)
+    distance, neighbour = cKDTree(features[some]).query(features, k=min(6, len(some)))
+    distance, neighbour = distance.reshape(len(points), -1), neighbour.reshape(len(points), -1)
+    weight = 1.0 / (distance + 1e-3 * scale)
+    return np.asarray((weight[..., None] * known[neighbour]).sum(axis=1) / weight.sum(axis=1)[:, None])
+
+
+def _projected(
+    points: FloatArray, transmittance: FloatArray, openings: FloatArray, direction: FloatArray, view: PanoramaView
+) -> SunMask:
+    """Values at points on a grid across the direction; what lies between and around them takes the nearest.
+
+    It reaches over all the openings, since nothing passes beyond it.
+    """
+    axes = np.stack(sun_axes(direction))
+    across = points @ axes.T
+    distance = np.linalg.norm(points - view.position, axis=1)
+    texel = FINENESS * float(np.median(distance)) * np.pi / view.height
+    whole = np.concatenate([across, openings @ axes.T])
+    low, high = whole.min(axis=0) - MARGIN * texel, whole.max(axis=0) + MARGIN * texel
+    texel = max(texel, float((high - low).max()) / LARGEST)
+    columns, rows = np.maximum(np.ceil((high - low) / texel).astype(int), 2)
+    high = low + texel * np.array([columns, rows])
+    column = ((across[:, 0] - low[0]) / texel).astype(int)
+    row = ((high[1] - across[:, 1]) / texel).astype(int)
+    sums, counts = np.zeros((rows, columns)), np.zeros((rows, columns))
+    np.add.at(sums, (row, column), transmittance)
+    np.add.at(counts, (row, column), 1.0)
+    _, nearest = distance_transform_edt(counts == 0.0, return_indices=True)
+    values = np.where(counts > 0.0, sums / np.maximum(counts, 1.0), 0.0)[tuple(nearest)]
+    return SunMask(values.astype(np.float32), (float(low[0]), float(low[1]), float(high[0]), float(high[1])))

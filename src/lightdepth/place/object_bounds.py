@@ -1,0 +1,221 @@
+"""The synthetic objects' bounds as seen from a point: where a ray must go to meet something new.
+
+A support point changes only by what synthetic surfaces do to its light (theory, eq. 4), so part of its rays is aimed at
+spheres around the objects, and paths that can hardly meet one any more are ended early.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightdepth.kernel.variables import as_point
+
+Sphere = tuple[np.ndarray, float]
+"""Centre, shape (3,), world, and radius, both in metres."""
+MOST_SPHERES = 6
+"""Objects beyond this number share spheres; every sphere costs a test at each support vertex."""
+AIMED_SHARE = 0.5
+"""Share of the rays that are aimed where the objects fill a small part of the view."""
+
+NEAR = 0.5
+"""Share of a sphere's radius up to which its surface counts as near."""
+
+
+class ObjectBounds:
+    """Spheres that enclose the synthetic objects.
+
+    Args:
+        spheres: around each of them.
+    """
+
+    def __init__(self, spheres: Sequence[Sphere]) -> None:
+        self.spheres = _merge_nearest(list(spheres))
+        self._centres = [as_point(centre) for centre, _ in self.spheres]
+        self._radii = [dr.opaque(mi.Float, radius) for _, radius in self.spheres]
+
+    def cones(self, point: mi.Point3f) -> Cones:
+        """The cones of directions from points (world, metres) that the spheres fill."""
+        return Cones(point, self._centres, self._radii)
+
+    def beams(self, place: mi.Vector3f, finite: mi.Bool) -> Beams:
+        """Light that runs from places to the spheres.
+
+        Args:
+            place: world, metres, where ``finite``, else unit directions toward the sky.
+            finite: false for sky.
+        """
+        return Beams(place, finite, self._centres, self._radii)
+
+    def extent(self, direction: mi.Vector3f) -> mi.Float:
+        """How far the spheres reach along unit directions from the origin of the world, metres."""
+        result = mi.Float(-dr.inf)
+        for centre, radius in zip(self._centres, self._radii, strict=True):
+            result = dr.maximum(result, dr.dot(mi.Vector3f(centre), direction) + radius)
+        return result
+
+    def detail(self, point: mi.Point3f) -> mi.Float:
+        """Metres over which the objects' influence varies at points (world, metres).
+
+        It is the distance to the nearest sphere, or a share of its radius close by.
+        """
+        result = mi.Float(dr.inf)
+        for centre, radius in zip(self._centres, self._radii, strict=True):
+            result = dr.minimum(result, dr.maximum(dr.norm(point - centre) - radius, NEAR * radius))
+        return result
+
+    def near(self, ray: mi.Ray3f, margin: mi.Float) -> mi.Bool:
+        """Whether any sphere comes nearer to rays than an angle.
+
+        Args:
+            ray: rays with unit directions, world.
+            margin: angle in radians.
+        """
+        result = mi.Bool(False)
+        for centre, radius in zip(self._centres, self._radii, strict=True):
+            offset = mi.Vector3f(centre - ray.o)
+            distance = dr.norm(offset)
+            off_axis = dr.acos(dr.clip(dr.dot(offset, ray.d) / dr.maximum(distance, 1e-12), -1.0, 1.0))
+            result |= off_axis <= margin + dr.asin(dr.clip(radius / dr.maximum(distance, 1e-12), 0.0, 1.0))
+            result |= distance <= radius
+        return result
+
+
+class Cones:
+    """Directions from a point toward the spheres, sampled uniformly over the sum of their solid angles."""
+
+    def __init__(self, point: mi.Point3f, centres: list[mi.Point3f], radii: list[mi.Float]) -> None:
+        self._axes, self._cosines, self._solid_angles = [], [], []
+        self.solid_angle = mi.Float(0.0)
+        for centre, radius in zip(centres, radii, strict=True):
+            offset = mi.Vector3f(centre - point)
+            squared = dr.squared_norm(offset)
+            sine_squared = dr.square(radius) / dr.maximum(squared, 1e-20)
+            cosine = dr.select(sine_squared < 1.0, dr.safe_sqrt(1.0 - sine_squared), -1.0)
+            # 1 - cos without cancellation, for objects that are far away.
+            versine = dr.select(sine_squared < 1.0, sine_squared / (1.0 + cosine), 2.0)
+            self._axes.append(offset * dr.rsqrt(dr.maximum(squared, 1e-20)))
+            self._cosines.append(cosine)
+            self._solid_angles.append(dr.two_pi * versine)
+            self.solid_angle += self._solid_angles[-1]
+
+    @property
+    def aimed_share(self) -> mi.Float:
+        """Share of rays to aim: less and less where the spheres fill the view, where aiming gains nothing."""
+        return AIMED_SHARE * dr.maximum(1.0 - self.solid_angle * dr.inv_two_pi, 0.0)
+
+    def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
+        """A unit direction, uniform over the cones; ``choice`` and ``position`` are uniform in [0, 1)."""
+        axis, versine = _picked(choice, self.solid_angle, self._solid_angles, self._axes, self._solid_angles)
+        fall = position.x * versine * dr.inv_two_pi
+        sine = dr.safe_sqrt(fall * (2.0 - fall))
+        sin_phi, cos_phi = dr.sincos(dr.two_pi * position.y)
+        return mi.Frame3f(axis).to_world(mi.Vector3f(sine * cos_phi, sine * sin_phi, 1.0 - fall))
+
+    def pdf(self, direction: mi.Vector3f) -> mi.Float:
+        """Density of :meth:`sample` per steradian."""
+        covering = mi.Float(0.0)
+        for axis, cosine in zip(self._axes, self._cosines, strict=True):
+            covering += dr.select(dr.dot(axis, direction) >= cosine, 1.0, 0.0)
+        return dr.select(self.solid_angle > 0.0, covering / self.solid_angle, 0.0)
+
+
+class Beams:
+    """Rays from places toward the spheres, or from directions of the sky.
+
+    The former are uniform over the sum of the spheres' solid angles, the latter over that of their cross-sections.
+
+    Args:
+        place: as for :meth:`ObjectBounds.beams`.
+        finite: likewise.
+        centres: of the spheres, world, metres.
+        radii: of the spheres, metres.
+    """
+
+    def __init__(self, place: mi.Vector3f, finite: mi.Bool, centres: list[mi.Point3f], radii: list[mi.Float]) -> None:
+        self._place, self._finite, self._centres, self._radii = place, finite, centres, radii
+        self._cones = Cones(mi.Point3f(place), centres, radii)
+        self._areas = [dr.pi * dr.square(radius) for radius in radii]
+        self._total_area = mi.Float(0.0)
+        for area in self._areas:
+            self._total_area += area
+
+    def sample(self, choice: mi.Float, position: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f]:
+        """Draw rays: origins (for sky, in the sphere that the ray is aimed at, across its middle), and unit directions.
+
+        ``choice`` and ``position`` are uniform in [0, 1).
+        """
+        toward = self._cones.sample(choice, position)
+        centre, radius = _picked(choice, self._total_area, self._areas, self._centres, self._radii)
+        disk = mi.warp.square_to_uniform_disk_concentric(position)
+        across = centre + radius * mi.Frame3f(self._place).to_world(mi.Vector3f(disk.x, disk.y, 0.0))
+        return (
+            dr.select(self._finite, mi.Point3f(self._place), across),
+            dr.select(self._finite, toward, -self._place),
+        )
+
+    def pdf(self, point: mi.Point3f, direction: mi.Vector3f) -> mi.Float:
+        """Density of the rays through points: per steradian, or for sky per square metre across them.
+
+        Args:
+            point: on the rays, world, metres.
+            direction: of the rays, unit.
+        """
+        covering = mi.Float(0.0)
+        for centre, radius in zip(self._centres, self._radii, strict=True):
+            offset = mi.Vector3f(centre - point)
+            across = dr.squared_norm(offset) - dr.square(dr.dot(offset, direction))
+            covering += dr.select(across <= dr.square(radius), 1.0, 0.0)
+        return dr.select(self._finite, self._cones.pdf(direction), covering / self._total_area)
+
+
+def _picked(choice: mi.Float, total: mi.Float, sizes: list[mi.Float], *columns: list[Any]) -> list[Any]:
+    """What columns hold in one row, picked in proportion to the rows' sizes.
+
+    Args:
+        choice: uniform in [0, 1).
+        total: of the sizes.
+        sizes: of the rows, not negative.
+        columns: numbers, points or vectors, one for each row.
+    """
+    remaining = choice * total
+    picked = [column[0] for column in columns]
+    chosen = mi.Bool(False)
+    for size, *row in zip(sizes, *columns, strict=True):
+        here = ~chosen & (remaining < size)
+        picked = [dr.select(here, value, before) for value, before in zip(row, picked, strict=True)]
+        chosen |= here
+        remaining = dr.select(chosen, remaining, remaining - size)
+    return picked
+
+
+def _merge_nearest(spheres: list[Sphere]) -> list[Sphere]:
+    """Merge spheres two by two, those first whose common sphere is the smallest, until few are left."""
+    while len(spheres) > 64:  # Many objects: a coarse first round along the longest axis keeps this quick.
+        axis = int(np.argmax(np.ptp([centre for centre, _ in spheres], axis=0)))
+        spheres = sorted(spheres, key=lambda sphere: float(sphere[0][axis]))
+        spheres = [_enclose(*spheres[i : i + 2]) for i in range(0, len(spheres), 2)]
+    while len(spheres) > MOST_SPHERES:
+        pairs = [(i, j) for i in range(len(spheres)) for j in range(i)]
+        i, j = min(pairs, key=lambda pair: _enclose(spheres[pair[0]], spheres[pair[1]])[1])
+        merged = _enclose(spheres[i], spheres[j])
+        spheres = [sphere for index, sphere in enumerate(spheres) if index not in (i, j)] + [merged]
+    return spheres
+
+
+def _enclose(first: Sphere, second: Sphere | None = None) -> Sphere:
+    """The smallest sphere around one or two."""
+    if second is None:
+        return first
+    (a, ra), (b, rb) = first, second
+    distance = float(np.linalg.norm(b - a))
+    if distance + rb <= ra:
+        return first
+    if distance + ra <= rb:
+        return second
+    radius = 0.5 * (distance + ra + rb)
+    return a + (b - a) * ((radius - ra) / distance), radius

@@ -1,0 +1,187 @@
+"""The real place before insertion: its surfaces, and its lights behind one interface.
+
+Equations: docs/theory.md, sections 1 and 2. Of its lights the photograph is the first; declared ones, which the photograph
+does not show, come beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import fields
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.kernel.arrays import aligned
+from lightdepth.place.light_list import LightList, LightSample
+from lightdepth.place.photograph import Photograph
+from lightdepth.place.real_light import RealLight
+from lightdepth.place.sun import Sun
+from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
+from lightdepth.scene.model import Panorama, SunLight
+
+SUN_SHARE, MOST_SUNS_SHARE = 1 / 8, 1 / 2
+"""Of the light samples, for each sun and for all together: one in each vertex's RIS candidates is then of the sun."""
+
+
+class Place:
+    """The photographed place.
+
+    Args:
+        panorama: the photograph and its pose.
+        surfaces: the real surfaces to trace.
+        infinite: take every depth as infinite: the directional method.
+        alone: nothing but light samples finds its light, so that these must cover all of it.
+        suns: those that the photograph does not show.
+
+    Attributes:
+        photograph: the panorama in its pose.
+        lights: all lights, the photograph first.
+        suns: those of ``lights`` that are suns.
+    """
+
+    def __init__(
+        self,
+        panorama: Panorama,
+        surfaces: TracedSurfaces,
+        infinite: bool = False,
+        alone: bool = False,
+        suns: Sequence[SunLight] = (),
+    ) -> None:
+        self.surfaces = surfaces
+        self.infinite = infinite
+        self.photograph = Photograph(panorama, surfaces, infinite, alone)
+        self.suns = tuple(Sun(sun, surfaces) for sun in suns)
+        share = min(SUN_SHARE, MOST_SUNS_SHARE / max(len(self.suns), 1))
+        self._shares = [1.0 - share * len(self.suns), *(share for _ in self.suns)]
+
+    @property
+    def lights(self) -> tuple[RealLight, ...]:
+        """All lights, the photograph first."""
+        return (self.photograph, *self.suns)
+
+    @property
+    def capture(self) -> NDArray[np.float64]:
+        """The capture point, shape (3,), world, metres."""
+        return self.photograph.capture
+
+    def with_surfaces(self, surfaces: TracedSurfaces) -> Place:
+        """The same place traced with other meshes of the same surfaces, refined ones for instance."""
+        place = copy(self)
+        place.surfaces = surfaces
+        place.photograph = self.photograph.with_surfaces(surfaces)
+        return place
+
+    def with_mirrored(self, image: NDArray[np.float32]) -> Place:
+        """The same place with what its glossy surfaces mirror: see :meth:`Photograph.with_mirrored`."""
+        place = copy(self)
+        place.photograph = self.photograph.with_mirrored(image)
+        return place
+
+    # -- Sampling its light -------------------------------------------------------------------------------------
+
+    def presample_lights(self, generator: np.random.Generator, count: int) -> LightList:
+        """Draw a list of light samples, each light's ones in a row.
+
+        All vertices of a pass share them, so that tracing them is paid once and not at every vertex.
+
+        Args:
+            generator: source of randomness.
+            count: how many.
+        """
+        if not self.suns:
+            return LightList(self.photograph.presample(generator, count), count)
+        ends = np.rint(np.cumsum(self._shares) * count).astype(int)
+        counts = np.diff(ends, prepend=0)
+        drawn = []
+        for light, share, size in zip(self.lights, self._shares, counts, strict=True):
+            sample = light.presample(generator, int(size))
+            sample.density *= share
+            drawn.append(sample)
+        return LightList(_joined(drawn, counts.tolist()), count)
+
+    def toward(self, light: LightSample, point: mi.Point3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
+        """Direction, distance and density of light samples as seen from points.
+
+        Args:
+            light: the samples.
+            point: world, metres.
+
+        Returns:
+            ``(unit direction, distance in metres or inf, density per steradian at the point)``: eq. (8).
+        """
+        offset = light.position - mi.Vector3f(point)
+        distance = dr.norm(offset)
+        direction = dr.select(light.finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), light.position)
+        cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
+        pdf = dr.select(light.finite, light.density * dr.square(distance) / cosine, light.density)
+        return direction, dr.select(light.finite, distance, dr.inf), pdf
+
+    def likelihood(self, light: LightSample, point: mi.Point3f) -> mi.Float | float:
+        """How much light samples should weigh among RIS candidates at points, before their visibility is known."""
+        if not self.suns:
+            return 1.0
+        likely = self.suns[0].likelihood(point)
+        for sun in self.suns[1:]:
+            likely = dr.maximum(likely, sun.likelihood(point))
+        return dr.select(light.is_sun, likely, 1.0)
+
+    def transmittance(self, light: LightSample, point: mi.Point3f) -> mi.Color3f | float:
+        """Share of light samples that the masks of suns let through to points."""
+        if not any(sun.has_mask for sun in self.suns):
+            return 1.0
+        result = mi.Color3f(1.0)
+        for sun in self.suns:
+            result = dr.select(light.is_sun & sun.holds(light.position), sun.transmittance(point), result)
+        return result
+
+    def unblocked(self, light: LightSample, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
+        """Which shadow rays meet no real surface; those toward a sun pass openings.
+
+        Args:
+            light: the samples that the rays run to.
+            ray: from a surface, up to just before the light.
+            active: which are wanted; false elsewhere.
+        """
+        if not self.surfaces.has_real:
+            return active
+        tested = active & ~light.is_sun if self.suns else active
+        if self.infinite:
+            tested = tested & light.finite  # The map's light is taken to come past all surfaces.
+        free = active & ~self.surfaces.real.ray_test(ray, coherent=False, active=tested)
+        if self.suns:
+            toward_sun = active & light.is_sun
+            free &= ~self.surfaces.blockers.ray_test(ray, coherent=False, active=toward_sun)
+        return free
+
+    # -- What is seen -------------------------------------------------------------------------------------------
+
+    def arriving(
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+    ) -> list[tuple[mi.Color3f, mi.Float, mi.Bool]]:
+        """What each light sends along rays: see :meth:`RealLight.arriving`; densities are those of the light list."""
+        arriving = [light.arriving(ray, hit, distance, active) for light in self.lights]
+        if not self.suns:
+            return arriving
+        return [
+            (radiance, pdf * share, finite)
+            for (radiance, pdf, finite), share in zip(arriving, self._shares, strict=True)
+        ]
+
+
+def _joined(samples: Sequence[LightSample], counts: Sequence[int]) -> LightSample:
+    """Light samples one after the other, ``counts`` of each."""
+
+    def joined(name: str) -> Any:
+        values = [getattr(sample, name) for sample in samples]
+        kind, scalar = type(values[0]), type(values[0]) in (mi.Float, mi.Bool)
+        rows = [np.asarray(value.numpy()).reshape(1 if scalar else 3, -1) for value in values]
+        wide = [np.broadcast_to(row, (len(row), count)) for row, count in zip(rows, counts, strict=True)]
+        columns = [aligned(column, column.dtype) for column in np.concatenate(wide, axis=1)]
+        return kind(columns[0]) if scalar else kind(*map(mi.Float, columns))
+
+    return LightSample(*(joined(field.name) for field in fields(LightSample)))

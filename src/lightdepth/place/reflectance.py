@@ -1,0 +1,56 @@
+"""The reflectance of real surfaces, from their photographed radiance and their recovered irradiance.
+
+Equation: docs/theory.md, eq. (6): ``rho(p) = pi M(p) / E(p)``, at every shaded point with M at full resolution.
+"""
+
+from __future__ import annotations
+
+import drjit as dr
+import mitsuba as mi
+
+from lightdepth.place.place import Place
+from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
+
+GLOWING = 1.5
+"""Ratio ``pi M / E`` above which a support surface is taken to emit light by itself."""
+LEAST_DIFFUSE = 0.5
+"""Share of its typical diffuse radiance that a glossy surface keeps wherever its lobe would mirror more than is shown,"""
+ALWAYS_MIRRORED = 0.3
+"""and share of its radiance that may be mirrored even there, where its texture is dark."""
+
+
+def recovered_reflectance(
+    place: Place, surfaces: TracedSurfaces, hit: RealHit, active: mi.Bool
+) -> tuple[mi.Color3f, mi.Color3f]:
+    """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``."""
+    radiance = place.photograph.surface_radiance(hit, active)
+    rho, specular_scale = reflectance(
+        radiance,
+        surfaces.irradiance(hit, active),
+        place.photograph.mirrored(hit, active),
+        surfaces.typical_albedo(hit, active),
+    )
+    return rho & active, specular_scale & active
+
+
+def reflectance(
+    radiance: mi.Color3f, irradiance: mi.Color3f, mirrored: mi.Color3f, typical_albedo: mi.Color3f
+) -> tuple[mi.Color3f, mi.Color3f]:
+    """Recovered albedo ``rho`` and the factor on the specular lobe, per channel (theory, eq. 6).
+
+    A ratio a little above 1 is noise of the photograph or the geometry and is clamped; one above ``GLOWING`` in any
+    channel means that the surface glows by itself, or that the geometry is wrong: it scatters nothing. Where the lobe
+    mirrors something that the photograph does not show there, it is scaled down, so that the surface stays diffuse.
+
+    Args:
+        radiance: M at points of support.
+        irradiance: E there.
+        mirrored: S there, 0 without gloss.
+        typical_albedo: of the diffuse part of the surface, 0 without gloss.
+    """
+    diffuse = typical_albedo * irradiance * (LEAST_DIFFUSE * dr.inv_pi)
+    allowed = dr.minimum(mirrored, dr.maximum(radiance - diffuse, ALWAYS_MIRRORED * radiance))
+    ratio = dr.pi * dr.maximum(radiance - allowed, 0.0) / dr.maximum(irradiance, 1e-20)
+    glowing = dr.max(ratio) > GLOWING
+    specular_scale = allowed / dr.maximum(mirrored, 1e-20)
+    return dr.select(glowing, 0.0, dr.minimum(ratio, 1.0)), dr.select(glowing, 0.0, specular_scale)

@@ -1,0 +1,166 @@
+"""A declared sun: a distant disc that shines through the openings of the place, which the capture point does not see.
+
+Theory, section 2, "A sun that the photograph lacks". What the sun does to the surfaces that the photograph shows, its
+patches on the floor, is in the photograph; what it would do to new objects is not.
+"""
+
+from __future__ import annotations
+
+import math
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
+
+from lightdepth.kernel.arrays import aligned, aligned_columns
+from lightdepth.kernel.variables import as_point
+from lightdepth.place.light_list import LightSample
+from lightdepth.place.real_light import RealLight
+from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
+from lightdepth.scene.lights.frame import sun_axes
+from lightdepth.scene.model import SunLight
+
+RESOLUTION = 1024
+"""Texels of the shadow map along its longer side."""
+DILATION = 5
+"""Texels across the square in which one lit texel counts for all: the map steers sampling, and must miss nothing."""
+LIKELY, UNLIKELY = 1.0, 0.02
+"""Weight of the sun among the RIS candidates where the shadow map finds it visible, and elsewhere."""
+GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
+DEPTH_TOLERANCE = 0.02
+"""Metres by which a point may lie behind the first surface that the sun meets and still count as lit by the map."""
+
+
+class Sun(RealLight):
+    """A sun that shines into the place.
+
+    Args:
+        settings: its direction, size and strength.
+        surfaces: the real surfaces; those that are no openings block it.
+    """
+
+    def __init__(self, settings: SunLight, surfaces: TracedSurfaces) -> None:
+        self.surfaces = surfaces
+        right, up = sun_axes(settings.direction)
+        self._axes = [as_point(axis) for axis in (right, up, settings.direction)]
+        angle = math.radians(0.5 * settings.diameter)
+        # 1 - cos without cancellation.
+        self._versine = dr.opaque(mi.Float, 2.0 * math.sin(0.5 * angle) ** 2)
+        self._density = dr.opaque(mi.Float, 1.0 / (4.0 * math.pi * math.sin(0.5 * angle) ** 2))
+        self._radiance = mi.Color3f(*(settings.irradiance / (math.pi * math.sin(angle) ** 2)).tolist())
+        dr.make_opaque(self._radiance)
+        self._mask: mi.Texture2f | None = None
+        if settings.mask is not None and settings.mask_extent is not None:
+            image = settings.mask[..., None] if settings.mask.ndim == 2 else settings.mask
+            self._mask = mi.Texture2f(mi.TensorXf(np.ascontiguousarray(image, np.float32)), wrap_mode=dr.WrapMode.Clamp)
+            self._mask_extent = dr.opaque(mi.Vector4f, settings.mask_extent)
+        self._shadow_map = _ShadowMap(settings.direction, surfaces) if surfaces.has_real else None
+
+    def presample(self, generator: np.random.Generator, count: int) -> LightSample:
+        """Directions toward the disc, uniform over its solid angle; evenly spaced ones are spread evenly over it."""
+        index = np.arange(count)
+        u = (index + generator.random(count)) / count
+        v = np.mod(index * GOLDEN_RATIO + generator.random(), 1.0)
+        direction = self._direction(mi.Float(aligned(u)), mi.Float(aligned(v)))
+        return LightSample(
+            direction,
+            mi.Vector3f(0.0, 0.0, 1.0),
+            dr.zeros(mi.Float, count) + self._density,
+            dr.zeros(mi.Color3f, count) + self._radiance,
+            mi.Bool(False),
+            mi.Bool(False),
+            mi.Bool(True),
+        )
+
+    def arriving(
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+    ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
+        """The disc's radiance where rays run into it, through an opening or past all real surfaces."""
+        within = active & (1.0 - dr.dot(ray.d, mi.Vector3f(self._axes[2])) <= self._versine)
+        within &= ~hit.valid | (hit.kind == int(FaceKind.OPENING))
+        within &= ~self.blocked(ray, within)
+        radiance = self._radiance * self.transmittance(ray.o)
+        return dr.select(within, radiance, 0.0), dr.select(within, self._density, 0.0), mi.Bool(False)
+
+    @property
+    def has_mask(self) -> bool:
+        """Whether a mask holds part of it back."""
+        return self._mask is not None
+
+    def holds(self, direction: mi.Vector3f) -> mi.Bool:
+        """Whether unit directions, world, lead to this sun, with a little room for rounding."""
+        return 1.0 - dr.dot(direction, mi.Vector3f(self._axes[2])) <= 1.01 * self._versine + 1e-6
+
+    def blocked(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
+        """Whether real surfaces that are no openings stand in the way of rays that run toward the sun."""
+        if not self.surfaces.has_real:
+            return mi.Bool(False)
+        beyond = mi.Ray3f(ray.o, ray.d)
+        return self.surfaces.blockers.ray_test(beyond, coherent=False, active=active)
+
+    def transmittance(self, point: mi.Point3f) -> mi.Color3f:
+        """Share of the sun that the mask lets through to points, world: curtains and bars that are not modelled."""
+        if self._mask is None:
+            return mi.Color3f(1.0)
+        right, up = (dr.dot(mi.Vector3f(point), mi.Vector3f(axis)) for axis in self._axes[:2])
+        low, extent = self._mask_extent.xy, self._mask_extent.zw
+        at = (mi.Point2f(right, up) - mi.Point2f(low)) / mi.Point2f(extent - low)
+        value = self._mask.eval(mi.Point2f(at.x, 1.0 - at.y))
+        inside = (at.x >= 0.0) & (at.x <= 1.0) & (at.y >= 0.0) & (at.y <= 1.0)
+        channels = [value[i] for i in range(len(value))]
+        return mi.Color3f(*(channels * (3 // len(channels)))) & inside
+
+    def likelihood(self, point: mi.Point3f) -> mi.Float:
+        """How much the sun should weigh among the RIS candidates at points: by the shadow map, never 0."""
+        if self._shadow_map is None:
+            return mi.Float(LIKELY)
+        return dr.select(self._shadow_map.may_be_lit(point), LIKELY, UNLIKELY)
+
+    def _direction(self, u: mi.Float, v: mi.Float) -> mi.Vector3f:
+        fall = u * self._versine
+        sine = dr.safe_sqrt(fall * (2.0 - fall))
+        sin_phi, cos_phi = dr.sincos(dr.two_pi * v)
+        right, up, axis = (mi.Vector3f(each) for each in self._axes)
+        return right * (sine * cos_phi) + up * (sine * sin_phi) + axis * (1.0 - fall)
+
+
+class _ShadowMap:
+    """Where the sun's parallel rays first meet a surface that blocks them, on a grid across its direction.
+
+    Args:
+        direction: toward the sun, unit, world, shape (3,).
+        surfaces: the real surfaces.
+    """
+
+    def __init__(self, direction: NDArray[np.float64], surfaces: TracedSurfaces) -> None:
+        right, up = sun_axes(direction)
+        box = surfaces.real.bbox()
+        corners = np.array([np.asarray(box.corner(i)).reshape(3) for i in range(8)], np.float64)
+        across = np.stack([corners @ right, corners @ up], axis=1)
+        low, high = across.min(axis=0), across.max(axis=0)
+        cell = max(float((high - low).max()) / RESOLUTION, 1e-6)
+        columns, rows = (int(n) for n in np.maximum(np.ceil((high - low) / cell), 1))
+        s, t = np.meshgrid(low[0] + (np.arange(columns) + 0.5) * cell, low[1] + (np.arange(rows) + 0.5) * cell)
+        top = float((corners @ direction).max()) + 1.0
+        starts = s[..., None] * right + t[..., None] * up + top * direction
+        origin = mi.Point3f(*map(mi.Float, aligned_columns(starts.reshape(-1, 3))))
+        ray = mi.Ray3f(origin, mi.Vector3f(*(-direction).tolist()))
+        found = surfaces.blockers.ray_intersect_preliminary(ray, coherent=True)
+        reached = np.where(found.is_valid().numpy(), top - found.t.numpy(), -np.inf).reshape(rows, columns)
+        lowest = minimum_filter(reached, size=DILATION, mode="nearest")
+        self._heights = mi.Float(aligned(lowest.astype(np.float32)))
+        self._axes = [as_point(axis) for axis in (right, up, direction)]
+        self._low = dr.opaque(mi.Vector2f, low.tolist())
+        self._scale = dr.opaque(mi.Float, 1.0 / cell)
+        self._columns, self._rows = dr.opaque(mi.UInt32, columns), dr.opaque(mi.UInt32, rows)
+
+    def may_be_lit(self, point: mi.Point3f) -> mi.Bool:
+        """Whether points (world, metres) may see the sun; true as well where they lie outside the map."""
+        s, t, height = (dr.dot(mi.Vector3f(point), mi.Vector3f(axis)) for axis in self._axes)
+        column, row = (mi.Int32(dr.floor((at - low) * self._scale)) for at, low in ((s, self._low.x), (t, self._low.y)))
+        inside = (column >= 0) & (row >= 0) & (column < mi.Int32(self._columns)) & (row < mi.Int32(self._rows))
+        index = mi.UInt32(dr.maximum(row, 0)) * self._columns + mi.UInt32(dr.maximum(column, 0))
+        return ~inside | (height >= dr.gather(mi.Float, self._heights, index, inside) - DEPTH_TOLERANCE)

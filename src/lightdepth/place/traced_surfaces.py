@@ -1,0 +1,262 @@
+"""The real and the synthetic surfaces as Mitsuba scenes, traced side by side, and tables of the real faces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, fields
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from lightdepth.kernel.arrays import aligned, aligned_empty
+from lightdepth.kernel.loading import load
+from lightdepth.kernel.materials import Materials, registered
+from lightdepth.kernel.shapes import mesh_shape
+from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
+from lightdepth.scene.meshes.geometry import face_normals
+from lightdepth.scene.model import Mesh
+
+RAY_EPSILON = 1e-4
+"""Offset of a ray's origin from the surface it leaves, relative to ``1 + |p|``."""
+SHADOW_RAY_END = 0.999
+"""Where shadow rays end, as a share of the way to the light."""
+
+
+@dataclass
+class RealHit:
+    """First real surfaces along rays.
+
+    Attributes:
+        valid: false where the ray meets none (sky).
+        distance: metres along the ray.
+        point: world, metres.
+        normal: unit, world, as the face is wound.
+        face: index into the faces of :class:`RealSurfaces`.
+        uv: barycentric coordinates of the face's second and third vertex.
+        kind: :class:`FaceKind`; ENVIRONMENT where not valid.
+        gloss: 0 for none, else 1 + index of the specular lobe.
+    """
+
+    valid: mi.Bool
+    distance: mi.Float
+    point: mi.Point3f
+    normal: mi.Vector3f
+    face: mi.UInt32
+    uv: mi.Point2f
+    kind: mi.UInt32
+    gloss: mi.UInt32
+
+
+class TracedSurfaces:
+    """The real surfaces, the synthetic ones, and both together, as scenes to trace rays in.
+
+    Args:
+        surfaces: the real surfaces.
+        shapes: the synthetic shapes.
+
+    Attributes:
+        materials: of the synthetic shapes.
+        blockers: the real surfaces that are no openings.
+    """
+
+    def __init__(self, surfaces: RealSurfaces, shapes: Sequence[mi.Shape] = ()) -> None:
+        self.has_real = len(surfaces.faces) > 0
+        self.deformed = surfaces.deformed
+        self.kinds = frozenset(FaceKind(int(kind)) for kind in np.unique(surfaces.kind))
+        black = load({"type": "diffuse", "reflectance": 0.0})
+        self._real_shapes = {"real": mesh_shape(surfaces.mesh(), black)} if self.has_real else {}
+        # Robust, since light and depth are looked up along rays through vertices; elsewhere it would cost a tenth more.
+        self.real = _scene(self._real_shapes, robust=True)
+        self.blockers = self._blockers(surfaces, black)
+        self._real_shape = mi.UInt32(0)
+        if self.has_real:
+            self._real_shape = dr.opaque(mi.UInt32, registered(mi.ShapePtr(self._real_shapes["real"])))
+        self._fill_tables(surfaces)
+        self._add_synthetic(shapes)
+
+    def with_synthetic(self, shapes: Sequence[mi.Shape]) -> TracedSurfaces:
+        """The same real surfaces with these synthetic shapes."""
+        traced = copy(self)
+        traced._add_synthetic(shapes)
+        return traced
+
+    def _add_synthetic(self, shapes: Sequence[mi.Shape]) -> None:
+        new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
+        self.has_synthetic = len(shapes) > 0
+        self.synthetic = _scene(new)
+        self.all = _scene({**self._real_shapes, **new})
+        self.materials = Materials(shapes)
+
+    def _blockers(self, surfaces: RealSurfaces, black: mi.BSDF) -> mi.Scene:
+        """The real surfaces without openings: what keeps a declared sun out."""
+        solid = surfaces.kind != FaceKind.OPENING
+        if solid.all():
+            return self.real
+        if not solid.any():
+            return _scene({})
+        return _scene({"solid": mesh_shape(Mesh(surfaces.vertices, surfaces.faces[solid]), black)}, robust=True)
+
+    def receives(self, hit: RealHit) -> mi.Bool:
+        """Whether real surfaces that were met receive the influence of the new objects."""
+        return (hit.kind == int(FaceKind.SUPPORT)) | (hit.kind == int(FaceKind.RELIT))
+
+    def with_values(self, surfaces: RealSurfaces) -> TracedSurfaces:
+        """The same geometry with other values at its vertices and faces."""
+        traced = copy(self)
+        traced._fill_tables(surfaces)
+        return traced
+
+    def _fill_tables(self, surfaces: RealSurfaces) -> None:
+        count = len(surfaces.faces)
+        facts = np.zeros((max(count, 1), 4), np.uint32)
+        facts[:count, 0] = surfaces.first_node
+        facts[:count, 1] = surfaces.divisions
+        facts[:count, 3] = surfaces.kind | (surfaces.gloss << 2)
+        self._facts = mi.UInt32(aligned(facts, np.uint32))
+        self._normals = mi.Float(_padded(face_normals(surfaces.vertices, surfaces.faces)))
+        self._irradiance = mi.Float(_padded(surfaces.irradiance))
+        albedos = [(0.0, 0.0, 0.0), *(gloss.albedo for gloss in surfaces.glosses)]
+        self._typical_albedo = mi.Float(_padded(np.array(albedos))) if surfaces.glosses else None
+        self._rest = mi.Float(_padded(surfaces.rest[surfaces.faces].reshape(-1, 3))) if self.deformed else None
+        self.knows_unseen = bool(surfaces.unseen_albedo.any())
+        self._unseen_albedo = mi.Float(_padded(surfaces.unseen_albedo)) if self.knows_unseen else None
+
+    def first_real(self, ray: mi.Ray3f, active: mi.Bool) -> RealHit:
+        """The first real surface along rays, looking through all synthetic ones: ``q(x, w)``."""
+        found = self.real.ray_intersect_preliminary(ray, coherent=False, active=active)
+        return self.real_hit(ray, found, active & found.is_valid())
+
+    def is_real(self, found: mi.PreliminaryIntersection3f) -> mi.Bool:
+        """Whether intersections with everything lie on a real surface."""
+        if not self.has_real:
+            return mi.Bool(False)
+        return found.is_valid() & (dr.reinterpret_array(mi.UInt32, found.shape) == self._real_shape)
+
+    def real_hit(self, ray: mi.Ray3f, found: mi.PreliminaryIntersection3f, valid: mi.Bool) -> RealHit:
+        """Look up what is known of the real face that was met, where ``valid``."""
+        face = dr.select(valid, found.prim_index, 0)
+        flags = dr.gather(mi.UInt32, self._facts, 4 * face + 3, valid)
+        normal = dr.gather(mi.Vector4f, self._normals, face, valid)
+        return RealHit(
+            valid,
+            found.t,
+            ray(dr.select(valid, found.t, 0.0)),
+            mi.Vector3f(normal.x, normal.y, normal.z),
+            face,
+            mi.Point2f(found.prim_uv),
+            dr.select(valid, flags & 3, int(FaceKind.ENVIRONMENT)),
+            flags >> 2,
+        )
+
+    def irradiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
+        """E at points of support surfaces, interpolated in barycentric coordinates."""
+        value = self._interpolate(self._irradiance, hit, active)
+        return mi.Color3f(value.x, value.y, value.z)
+
+    def typical_albedo(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
+        """Typical diffuse albedo of the glossy surfaces that were met, 0 for others."""
+        if self._typical_albedo is None:
+            return mi.Color3f(0.0)
+        value = dr.gather(mi.Vector4f, self._typical_albedo, hit.gloss, active)
+        return mi.Color3f(value.x, value.y, value.z)
+
+    def unseen_radiance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Bool]:
+        """Radiance of points that the capture point does not see, ``rho E / pi``, and where it is known."""
+        if self._unseen_albedo is None:
+            return mi.Color3f(0.0), mi.Bool(False)
+        albedo = dr.gather(mi.Vector4f, self._unseen_albedo, hit.face, active)
+        known = active & (dr.max(albedo) > 0.0)
+        return mi.Color3f(albedo.x, albedo.y, albedo.z) * self.irradiance(hit, known) * dr.inv_pi, known
+
+    def rest_point(self, hit: RealHit, active: mi.Bool) -> mi.Point3f:
+        """Where points of real surfaces take their colour from (paper, section 5.8), world, metres."""
+        if self._rest is None:
+            return hit.point
+        value = dr.zeros(mi.Vector4f)
+        for corner, weight in enumerate((1.0 - hit.uv.x - hit.uv.y, hit.uv.x, hit.uv.y)):
+            value += weight * dr.gather(mi.Vector4f, self._rest, 3 * hit.face + corner, active)
+        return mi.Point3f(value.x, value.y, value.z)
+
+    def _interpolate(self, table: mi.Float, hit: RealHit, active: mi.Bool) -> mi.Vector4f:
+        """Values between the nodes of a face's grid, which cut it into small triangles.
+
+        Two of them form a parallelogram and share the nodes to its right and above; the lower one has the node between
+        these besides, the upper one that opposite to it.
+        """
+        facts = dr.gather(mi.Vector4u, self._facts, hit.face, active)
+        divisions = facts.y
+        at = hit.uv * mi.Float(divisions)
+        row = dr.minimum(mi.UInt32(at.y), divisions - 1)
+        column = dr.minimum(mi.UInt32(at.x), divisions - 1 - row)
+        x, y = at.x - mi.Float(column), at.y - mi.Float(row)
+        upper = (x + y > 1.0) & (row + column + 1 < divisions)
+        between = facts.x + column + row * (2 * divisions + 3 - row) // 2
+        right, above = between + 1, between + divisions + 1 - row
+        third = dr.select(upper, above + 1, between)
+        return (
+            dr.gather(mi.Vector4f, table, right, active) * dr.select(upper, 1.0 - y, x)
+            + dr.gather(mi.Vector4f, table, above, active) * dr.select(upper, 1.0 - x, y)
+            + dr.gather(mi.Vector4f, table, third, active) * dr.select(upper, x + y - 1.0, 1.0 - x - y)
+        )
+
+
+def select_hit(choice: mi.Bool, first: RealHit, second: RealHit) -> RealHit:
+    """``first`` where ``choice``, else ``second``."""
+    names = (field.name for field in fields(RealHit))
+    return RealHit(*(dr.select(choice, getattr(first, name), getattr(second, name)) for name in names))
+
+
+def leave(
+    point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, length: mi.Float | float = dr.inf
+) -> mi.Ray3f:
+    """A ray that leaves a surface on the side to which ``direction`` points.
+
+    Args:
+        point: on the surface, world, metres.
+        normal: of the surface, either side.
+        direction: unit vector.
+        length: where the ray ends, metres.
+    """
+    ray = mi.Ray3f(_beside(point, normal, direction), direction)
+    ray.maxt = length
+    return ray
+
+
+def shadow_ray(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, distance: mi.Float) -> mi.Ray3f:
+    """A ray that leaves a surface and ends just before a light.
+
+    It starts beside the surface and still ends at the light: a near one would hide itself from a ray that runs beside
+    its line.
+
+    Args:
+        point: on the surface, world, metres.
+        normal: of the surface, either side.
+        direction: from the point to the light, unit, world.
+        distance: from the point to the light, metres, inf for sky.
+    """
+    origin = _beside(point, normal, direction)
+    offset = dr.fma(direction, distance, point) - origin
+    length = dr.norm(offset)
+    finite = dr.isfinite(distance)
+    ray = mi.Ray3f(origin, dr.select(finite, offset * dr.rcp(dr.maximum(length, 1e-20)), direction))
+    ray.maxt = dr.select(finite, length * SHADOW_RAY_END, dr.inf)
+    return ray
+
+
+def _beside(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f) -> mi.Point3f:
+    offset = RAY_EPSILON * (1.0 + dr.max(dr.abs(point)))
+    return dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
+
+
+def _scene(shapes: dict[str, mi.Shape], robust: bool = False) -> mi.Scene:
+    return load({"type": "scene", "embree_use_robust_intersections": robust, **shapes})
+
+
+def _padded(vectors: np.ndarray) -> np.ndarray:
+    """Vectors of shape (n, 3) as a flat array of groups of four, which are gathered at once; never empty."""
+    padded = aligned_empty((max(len(vectors), 1), 4))
+    padded[:] = 0.0
+    padded[: len(vectors), :3] = vectors
+    return padded.reshape(-1)

@@ -1,0 +1,97 @@
+"""The methods of rendering, and a scene made ready for one of them: its place, its objects, and an integrator."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import mitsuba as mi
+
+from lightdepth.errors import InputError
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import merge_real_surfaces
+from lightdepth.place.traced_surfaces import TracedSurfaces
+from lightdepth.preparation.objects import prepare_objects
+from lightdepth.preparation.place import modelled_surfaces, prepare_place
+from lightdepth.recovery.support_irradiance import IrradianceReport
+from lightdepth.scene.model import Scene
+from lightdepth.store import Store
+from lightdepth.transport.difference import DifferenceIntegrator
+from lightdepth.transport.envpath import EnvpathIntegrator, support_with_scale_factors
+from lightdepth.transport.integrator import Integrator
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scene ready to be sampled from any camera.
+
+    Attributes:
+        place: the photographed place.
+        surfaces: real and synthetic surfaces.
+        integrator: estimates along camera rays.
+        shapes: the synthetic shapes, each with the index of its object in the scene.
+        irradiance: how well the irradiance of the support is known.
+    """
+
+    place: Place
+    surfaces: TracedSurfaces
+    integrator: Integrator[Any]
+    shapes: tuple[tuple[int, mi.Shape], ...]
+    irradiance: IrradianceReport
+
+
+class Method(Protocol):
+    """Makes a scene ready, with recovered places from a store where there is one."""
+
+    def __call__(self, scene: Scene, store: Store | None = None) -> Prepared:
+        """Make it ready."""
+
+
+def _difference(scene: Scene, store: Store | None = None, infinite: bool = False) -> Prepared:
+    known, objects = prepare_place(scene, infinite, store), prepare_objects(scene)
+    surfaces = known.place.surfaces.with_synthetic([shape for _, shape in objects.shapes])
+    place = known.place.with_surfaces(surfaces)
+    settings = scene.render
+    # The kernel of light paths takes longer to compile than a draft's noise is worth.
+    polished = None if settings.draft else objects.polished
+    integrator = DifferenceIntegrator(
+        place,
+        surfaces,
+        objects.bounds,
+        settings.max_bounces,
+        known.real.glosses,
+        settings.clamp_indirect,
+        polished,
+    )
+    spheres = [] if objects.bounds is None else objects.bounds.spheres
+    return Prepared(place, surfaces, integrator, objects.shapes, known.errors.report(spheres))
+
+
+def _directional(scene: Scene, store: Store | None = None) -> Prepared:
+    return _difference(scene, store, infinite=True)
+
+
+def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
+    if scene.lights:
+        raise InputError(
+            f"{scene.path or 'scene'}: method 'envpath' cannot use [[light]] '{scene.lights[0].name}'; "
+            "use 'difference' or 'directional'"
+        )
+    modelled = merge_real_surfaces(modelled_surfaces(scene))
+    objects = prepare_objects(scene)
+    real = support_with_scale_factors(scene, modelled)
+    surfaces = TracedSurfaces(real, [shape for _, shape in objects.shapes])
+    place = Place(scene.panorama, surfaces, alone=True)
+    integrator = EnvpathIntegrator(place, surfaces, scene.panorama, objects.bounds, scene.render.max_bounces)
+    return Prepared(
+        place, surfaces, integrator, objects.shapes, IrradianceReport(len(real.vertices), math.nan, math.nan)
+    )
+
+
+METHODS: dict[str, Method] = {
+    "difference": _difference,
+    "directional": _directional,
+    "envpath": _envpath,
+}
+"""The methods by name. A new one is a file in ``transport`` and a line here."""

@@ -1,0 +1,43 @@
+"""The new objects made ready: shapes, bounds, and the scenes that rays meet them in."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mitsuba as mi
+
+from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
+from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.scene.model import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedObjects:
+    """The synthetic objects of a scene.
+
+    Attributes:
+        shapes: each with the index of its object in the scene.
+        bounds: spheres around them; ``None`` without objects.
+        polished: spheres around those that throw light into some directions; ``None`` where there are none.
+    """
+
+    shapes: tuple[tuple[int, mi.Shape], ...]
+    bounds: ObjectBounds | None
+    polished: ObjectBounds | None
+
+
+def prepare_objects(scene: Scene) -> PreparedObjects:
+    """Make the objects of a scene ready.
+
+    Raises:
+        InputError: Mitsuba refuses a material.
+    """
+    shapes = tuple(synthetic_shapes(scene))
+    spheres = [enclosing_sphere(shape) for _, shape in shapes]
+    polished = [sphere for sphere, (_, shape) in zip(spheres, shapes, strict=True) if is_polished(shape)]
+    return PreparedObjects(shapes, _bounds(spheres), _bounds(polished))
+
+
+def _bounds(spheres: Sequence[tuple]) -> ObjectBounds | None:
+    return ObjectBounds(spheres) if spheres else None

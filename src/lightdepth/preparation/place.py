@@ -1,0 +1,181 @@
+"""The photographed place made ready: all that does not depend on the new objects."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+import lightdepth
+from lightdepth.cancellation import raise_if_cancelled
+from lightdepth.errors import warn
+from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
+from lightdepth.place.traced_surfaces import TracedSurfaces
+from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
+from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
+from lightdepth.recovery.support_irradiance import IrradianceErrors, recover_irradiance
+from lightdepth.recovery.unseen_albedo import recover_hidden
+from lightdepth.scene.identity import digest, place_digest
+from lightdepth.scene.model import Gloss, RealSurface, Role, Scene
+from lightdepth.store import Store
+
+KEPT = 2
+"""Prepared places that a process keeps."""
+CODE = ("kernel", "lightmap", "place", "preparation", "recovery", "scene/meshes")
+"""Folders whose code decides what is recovered: a place that other code recovered is not the same."""
+ERROR_FIELDS = fields(IrradianceErrors)
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedPlace:
+    """A photographed place, ready for any objects and any camera.
+
+    Attributes:
+        place: its light and its surfaces, traced with ``real``.
+        real: the real surfaces with recovered albedo and irradiance, on refined meshes.
+        errors: of the irradiance.
+    """
+
+    place: Place
+    real: RealSurfaces
+    errors: IrradianceErrors
+
+
+def prepare_place(
+    scene: Scene,
+    infinite: bool = False,
+    store: Store | None = None,
+    parameters: RecoveryParameters = DEFAULT,
+) -> PreparedPlace:
+    """Make the place of a scene ready. Its objects and cameras play no part.
+
+    The process keeps the places that it prepared last. What was recovered is taken from the store where it is there, and
+    put into it otherwise; it is the same bit for bit.
+
+    Args:
+        scene: the place, and ``seed``, ``irradiance_samples`` and ``draft`` of its settings.
+        infinite: take every depth as infinite: the directional method.
+        store: recovered places on disk; ``None`` goes without.
+        parameters: how carefully albedo and irradiance are recovered.
+    """
+    key = _key(scene, infinite, parameters)
+    with _lock:
+        if key in _kept:
+            _kept.move_to_end(key)
+            return _kept[key]
+    modelled = merge_real_surfaces(modelled_surfaces(scene))
+    # What is deformed took its colour, and the light that goes with it, where it was when it was photographed.
+    photographed = replace(modelled, vertices=modelled.rest)
+    empty = Place(scene.panorama, TracedSurfaces(photographed), infinite, suns=scene.lights)
+    arrays = None if store is None else store.read(key)
+    recovered = None if arrays is None else _unpacked(arrays, modelled)
+    if recovered is None:
+        recovered = _recover(scene, empty, modelled, parameters)
+        if store is not None:
+            store.write(key, _packed(recovered), str(scene.panorama.path or "made in memory"))
+    real, errors = recovered.real, recovered.errors
+    surfaces = TracedSurfaces(real)
+    place = empty.with_surfaces(surfaces)
+    if recovered.mirrored is not None:
+        place = place.with_mirrored(recovered.mirrored)
+    if modelled.deformed:
+        place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)
+    prepared = PreparedPlace(place, real, errors)
+    with _lock:
+        _kept[key] = prepared
+        while len(_kept) > KEPT:
+            _kept.popitem(last=False)
+    return prepared
+
+
+def forget_places() -> None:
+    """Free the places that the process keeps."""
+    with _lock:
+        _kept.clear()
+
+
+_kept: OrderedDict[str, PreparedPlace] = OrderedDict()
+_lock = threading.Lock()
+
+
+@dataclass(frozen=True, eq=False)
+class _Recovered:
+    """What inverse rendering found: ``real`` and ``errors`` of :class:`PreparedPlace`, and what glossy surfaces mirror."""
+
+    real: RealSurfaces
+    errors: IrradianceErrors
+    mirrored: NDArray[np.float32] | None
+
+
+def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: RecoveryParameters) -> _Recovered:
+    generator = np.random.default_rng(scene.render.seed)
+    samples = scene.render.irradiance_samples
+    if not (empty.infinite or modelled.deformed or scene.render.draft):  # It would be a quarter of a draft's time.
+        empty, modelled = recover_hidden(empty, modelled, generator, samples, parameters)
+    raise_if_cancelled()
+    modelled = with_fitted_glosses(empty, modelled)
+    real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
+    raise_if_cancelled()
+    return _Recovered(real, errors, recover_mirrored(empty, modelled))
+
+
+def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
+    """The modelled surfaces; where there are none, one made from the panorama's depth, all of it support."""
+    panorama = scene.panorama
+    if scene.real or panorama.depth is None:
+        return scene.real
+    mesh = mesh_from_depth(panorama.depth, panorama.position, panorama.rotation)
+    return (RealSurface("depth", mesh, Role.SUPPORT),)
+
+
+# -- On disk ----------------------------------------------------------------------------------------------------------
+
+
+def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
+    settings = scene.render
+    choices = (infinite, settings.seed, settings.irradiance_samples, settings.draft)
+    return digest(place_digest(scene), choices, parameters, str(mi.variant()), mi.__version__, _code())
+
+
+@cache
+def _code() -> str:
+    """Digest of the version and of the code that recovers places: who changes it must not get what the old one made."""
+    root, state = Path(lightdepth.__file__).parent, hashlib.sha256(metadata.version("lightdepth").encode())
+    for file in sorted(file for folder in CODE for file in (root / folder).rglob("*.py")):
+        state.update(f"{file.relative_to(root)};".encode() + file.read_bytes())
+    return state.hexdigest()
+
+
+def _packed(recovered: _Recovered) -> dict[str, NDArray]:
+    """All of it as arrays by name."""
+    arrays = {f"real.{name}": value for name, value in vars(recovered.real).items() if isinstance(value, np.ndarray)}
+    rows = [[gloss.roughness, gloss.specular, gloss.scale, *gloss.albedo] for gloss in recovered.real.glosses]
+    arrays["glosses"] = np.array(rows, np.float64).reshape(-1, 6)
+    arrays |= {f"errors.{each.name}": np.asarray(getattr(recovered.errors, each.name)) for each in ERROR_FIELDS}
+    return arrays if recovered.mirrored is None else {**arrays, "mirrored": recovered.mirrored}
+
+
+def _unpacked(arrays: dict[str, NDArray], modelled: RealSurfaces) -> _Recovered | None:
+    """The reverse of :func:`_packed`; ``None``, with a warning, where something is missing."""
+    wanted = {f"real.{name}" for name, value in vars(modelled).items() if isinstance(value, np.ndarray)}
+    wanted |= {"glosses", *(f"errors.{each.name}" for each in ERROR_FIELDS)}
+    if missing := wanted - set(arrays):
+        warn(f"a cached place lacks {', '.join(sorted(missing))}; it is prepared again")
+        return None
+    real = {name.removeprefix("real."): value for name, value in arrays.items() if name.startswith("real.")}
+    rows = arrays["glosses"].tolist()
+    glosses = tuple(Gloss(roughness, specular, scale, tuple(albedo)) for roughness, specular, scale, *albedo in rows)
+    points, irradiance, error = (arrays[f"errors.{name}"] for name in ("points", "irradiance", "error"))
+    errors = IrradianceErrors(int(arrays["errors.vertices"]), points, irradiance, error)
+    return _Recovered(replace(modelled, **real, glosses=glosses), errors, arrays.get("mirrored"))

@@ -1,0 +1,109 @@
+"""Where the new objects stand: on free floor in front of the camera."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.directions import FloatArray, direction_to_latlong
+from lightdepth.images.tonemapping import LUMINANCE
+from lightdepth.quickstart.place import GuessedPlace
+from lightdepth.quickstart.pose import GuessedPose
+
+HEIGHT = 512
+NEAREST = 0.5
+"""Camera heights at least, so that nobody looks straight down on the objects."""
+AROUND = 24
+"""Points around a spot, on each of three rings, that are looked at."""
+MARGIN = 0.1
+"""Metres between the objects and a guessed wall."""
+FORWARD = 0.25
+"""What looking toward the picture's middle is worth, beside differences of colour (natural logarithm)."""
+FAR = 0.2
+"""What each halving or doubling of the best distance costs."""
+
+
+@dataclass(frozen=True)
+class FloorSpot:
+    """A place on the floor.
+
+    Attributes:
+        point: world, metres, shape (3,).
+        away: unit, level, from the capture point toward it, shape (3,).
+        unlike: how much what is seen there, and on the way there, differs from the floor beside the camera; 0 is the same.
+    """
+
+    point: FloatArray
+    away: FloatArray
+    unlike: float
+
+    @property
+    def is_free(self) -> bool:
+        """Whether the floor seems to be seen there, and no furniture."""
+        return self.unlike < 0.9
+
+
+def find_floor_spot(
+    radiance: NDArray[np.float32], pose: GuessedPose, place: GuessedPlace, reach: float, depth: float, distance: float
+) -> FloorSpot:
+    """Find where the picture looks most like empty floor.
+
+    Args:
+        radiance: the panorama, linear RGB, finite, shape (height, 2 height, 3).
+        pose: of the panorama.
+        place: the guessed place.
+        reach: half of the width that the objects need beside each other, metres.
+        depth: half of the depth that they need, metres.
+        distance: from the point under the camera, metres, that is best for looking at them.
+    """
+    colours = _colours(radiance)
+    position = np.array([0.0, 0.0, pose.height])
+
+    def seen(points: FloatArray) -> NDArray[np.float32]:
+        u, v = direction_to_latlong((points - position) @ pose.rotation)
+        return colours[(v * HEIGHT).astype(int).clip(0, HEIGHT - 1), (u * 2 * HEIGHT).astype(int) % (2 * HEIGHT)]
+
+    turn = 2.0 * np.pi * np.arange(AROUND) / AROUND
+    circle = np.stack([np.sin(turn), np.cos(turn), np.zeros(AROUND)], axis=-1)
+    forward = pose.rotation @ [0.0, 1.0, 0.0]
+    best: tuple[float, FloorSpot] | None = None
+    for far in distance * np.geomspace(0.3, 1.6, 11):
+        for angle in np.radians(np.arange(0.0, 360.0, 7.5)):
+            away = np.array([np.sin(angle), np.cos(angle), 0.0])
+            point = far * away
+            needed = reach * np.abs(away[[1, 0]]) + depth * np.abs(away[:2]) + MARGIN
+            if np.any(point[:2] - needed < place.low) or np.any(point[:2] + needed > place.high):
+                continue
+            if far < NEAREST * pose.height:
+                continue
+            # The floor begins in front of the camera's feet; what differs from it on the way is a thing that stands there.
+            near = seen(pose.height * np.linspace(0.3, 0.5, 5)[:, None, None] * away + 0.15 * circle).reshape(-1, 3)
+            way = seen(
+                np.linspace(0.5 * pose.height, max(far, 0.5 * pose.height), 12)[:, None, None] * away + 0.1 * circle
+            )
+            patch = seen(point + (max(reach, 0.25) * np.array([0.4, 0.8, 1.2]))[:, None, None] * circle)
+            floor = np.median(near, axis=0)
+            differs = [np.abs(part.reshape(-1, 3) - floor).sum(axis=-1) for part in (patch, way)]
+            unlike = float(sum(np.mean(np.minimum(part, 1.5)) for part in differs))
+            cost = unlike - FORWARD * float(away @ forward) + FAR * abs(np.log2(far / distance))
+            if best is None or cost < best[0]:
+                best = cost, FloorSpot(point, away, unlike)
+    if best is not None:
+        return best[1]
+    # In a cramped place: half way to the wall that is farthest.
+    walls = [np.array([0.0, place.high[1]]), np.array([place.high[0], 0.0])]
+    walls += [np.array([0.0, place.low[1]]), np.array([place.low[0], 0.0])]
+    point = np.array([*max(walls, key=lambda wall: float(np.linalg.norm(wall))) * 0.6, 0.0])
+    return FloorSpot(point, point / np.linalg.norm(point), 2.0)
+
+
+def _colours(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Half the logarithm of luminance (sun and shade lie on the same floor) and of two ratios of colours."""
+    small = np.maximum(cv2.resize(radiance, (2 * HEIGHT, HEIGHT), interpolation=cv2.INTER_AREA), 0.0)
+    middle = float(np.median(small @ LUMINANCE)) or 1.0
+    logarithm = np.log(np.maximum(small, 1e-4 * middle) / middle)
+    brightness = 0.5 * np.log(np.maximum(small @ LUMINANCE, 1e-4 * middle) / middle)
+    return np.stack([brightness, *(logarithm[..., c] - logarithm[..., 1] for c in (0, 2))], axis=-1).astype(np.float32)

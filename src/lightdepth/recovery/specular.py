@@ -1,0 +1,114 @@
+"""How much a declared gloss may mirror: no more than the photograph shows.
+
+Of what a glossy surface sends to the capture point, ``S`` is mirrored (theory, eq. 6b) and the rest is diffuse: ``S <= M``
+at every point. Where a declared lobe breaks this, the surface would lose more than it sends once an object stands
+before what it mirrors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.kernel.arrays import aligned_columns
+from lightdepth.kernel.row_bands import bands
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import RealSurfaces
+from lightdepth.place.support_scattering import SpecularLobes
+from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
+from lightdepth.recovery.mesh_components import wind_toward_capture
+from lightdepth.scene.meshes.geometry import face_areas, face_normals
+from lightdepth.scene.model import Gloss
+
+POINTS, SAMPLES = 4096, 128
+"""Points on each glossy surface, and samples of each technique at each."""
+MAP_HEIGHT, MAP_SAMPLES, BLUR = 512, 32, 3
+"""Rows of the image of what is mirrored, at most, samples of each technique in each pixel, and pixels that share noise."""
+BROKEN = 0.05
+"""Share of the seen area at which the lobe may still mirror more than is shown: the model of the place is rough."""
+
+
+def fit_glosses(place: Place, surfaces: RealSurfaces, seed: int = 0) -> tuple[Gloss, ...]:
+    """The specular lobes with the share of each that the photograph leaves room for, and the albedo beneath.
+
+    Args:
+        place: the place before insertion, traced with ``surfaces``.
+        surfaces: the real surfaces as modelled.
+        seed: of the points and samples.
+    """
+    if not surfaces.glosses:
+        return ()
+    generator = np.random.default_rng(seed)
+    faces = wind_toward_capture(place, surfaces)
+    areas, normals = face_areas(surfaces.vertices, faces), face_normals(surfaces.vertices, faces)
+    lobes = SpecularLobes(tuple(replace(gloss, scale=1.0) for gloss in surfaces.glosses))
+    fitted = []
+    for number, declared in enumerate(surfaces.glosses, 1):
+        weights = np.where((surfaces.gloss == number) & surfaces.receiving, areas, 0.0)
+        face = generator.choice(len(faces), POINTS, p=weights / weights.sum()) if weights.any() else np.zeros(0, int)
+        barycentric = generator.dirichlet((1.0, 1.0, 1.0), len(face))
+        points = np.einsum("nk,nkx->nx", barycentric, surfaces.vertices[faces[face]]).astype(np.float32)
+        at, facing = (mi.Vector3f(*map(mi.Float, aligned_columns(each))) for each in (points, normals[face]))
+        sees, _, radiance = place.photograph.sight(at, facing)
+        seen = sees.numpy() if len(face) else np.zeros(0, bool)
+        if not seen.any():
+            fitted.append(declared)
+            continue
+        points, normal, shown = points[seen], normals[face][seen], radiance.numpy().T[seen]
+        gloss = np.full(len(points), number, np.uint32)
+        mirrored = estimate_mirrored(place, points, normal, lobes, gloss, generator, SAMPLES)
+        irradiance, _ = estimate_irradiance(place, points, normal, generator, SAMPLES)
+        room = (shown / np.maximum(mirrored, 1e-20)).min(axis=1)
+        scale = min(1.0, float(np.quantile(room, BROKEN)))
+        albedo = np.median(np.pi * np.maximum(shown - scale * mirrored, 0.0) / np.maximum(irradiance, 1e-20), axis=0)
+        red, green, blue = np.minimum(albedo, 1.0).tolist()
+        fitted.append(replace(declared, scale=scale, albedo=(red, green, blue)))
+    return tuple(fitted)
+
+
+def with_fitted_glosses(place: Place, surfaces: RealSurfaces) -> RealSurfaces:
+    """The same surfaces with lobes that mirror no more than the photograph shows, but for a small share of their area."""
+    return replace(surfaces, glosses=fit_glosses(place, surfaces))
+
+
+def recover_mirrored(place: Place, surfaces: RealSurfaces, seed: int = 0) -> NDArray[np.float32] | None:
+    """The radiance ``S`` that specular lobes mirror to the capture point, pixel by pixel (eq. 6b).
+
+    In the layout of the panorama, since a lobe mirrors narrow things: at the vertices of the irradiance mesh they would
+    be lost.
+
+    Args:
+        place: the place before insertion, traced with ``surfaces``.
+        surfaces: the real surfaces.
+        seed: of the samples.
+
+    Returns:
+        Shape (h, 2 h, 3), for :meth:`~lightdepth.place.place.Place.with_mirrored`; ``None`` where nothing is glossy.
+    """
+    if not surfaces.glosses:
+        return None
+    generator = np.random.default_rng(seed)
+    height = min(MAP_HEIGHT, place.photograph.map.height)
+    image = np.zeros((height, 2 * height, 3), np.float32)
+    lobes = SpecularLobes(surfaces.glosses)
+    for band in bands(2 * height, height):
+        u, v = (band.column + 0.5) / (2 * height), (band.row + 0.5) / height
+        hit = place.photograph.look(u, v)
+        glossy = (hit.valid & (hit.gloss > 0)).numpy()
+        normal = dr.mulsign(
+            mi.Vector3f(hit.normal), dr.dot(hit.normal, mi.Vector3f(*place.capture.tolist()) - hit.point)
+        )
+        points, normals = (value.numpy().T[glossy] for value in (hit.point, normal))
+        gloss = hit.gloss.numpy()[glossy].astype(np.uint32)
+        found = np.zeros((len(glossy), 3), np.float32)
+        found[glossy] = estimate_mirrored(place, points, normals, lobes, gloss, generator, MAP_SAMPLES)
+        image[band.rows] = found.reshape(*band.shape, 3)
+    weight = (image > 0.0).any(axis=2).astype(np.float32)
+    # Neighbours share their noise; beyond the surface's edge the value goes on, for lookups between the two.
+    size = (BLUR, BLUR)
+    return np.asarray(cv2.blur(image, size) / np.maximum(cv2.blur(weight, size), 1e-6)[..., None], np.float32)

@@ -1,0 +1,209 @@
+"""What the capture point does not see: coloured like what it sees of it or near it, lit by the place around it.
+
+Theory, section 1, eq. (1b): ``M = rho E / pi`` where the photograph shows something else that stands before a point.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.kernel.arrays import aligned_columns
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
+from lightdepth.place.reflectance import GLOWING
+from lightdepth.place.traced_surfaces import TracedSurfaces
+from lightdepth.recovery.irradiance import estimate_irradiance
+from lightdepth.recovery.irradiance_mesh import estimate_again, estimate_on_mesh
+from lightdepth.recovery.mesh_components import separate, wind_toward_capture, with_refined
+from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
+from lightdepth.recovery.vertex_grids import lay_out
+from lightdepth.scene.meshes.geometry import face_areas, face_normals
+
+
+@dataclass(frozen=True)
+class SeenPoints:
+    """Points of real surfaces that the capture point sees, shapes (n, 3) or (n,).
+
+    Attributes:
+        points: world, metres.
+        normals: unit, toward the capture point.
+        face: which face they lie on.
+        area: of the surface that each stands for, square metres.
+        radiance: M there.
+    """
+
+    points: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    face: NDArray[np.int64]
+    area: NDArray[np.float64]
+    radiance: NDArray[np.float32]
+
+
+def recover_hidden(
+    place: Place,
+    surfaces: RealSurfaces,
+    generator: np.random.Generator,
+    samples: int,
+    parameters: RecoveryParameters = DEFAULT,
+) -> tuple[Place, RealSurfaces]:
+    """Give what the capture point does not see an albedo and a first irradiance.
+
+    Support gets its final irradiance later, from the place as it is then known. Where next to nothing is hidden,
+    everything stays as it is.
+
+    Args:
+        place: the place before insertion, traced with ``surfaces``.
+        surfaces: the real surfaces as modelled, none of them deformed.
+        generator: source of randomness; it is left as it was.
+        samples: at most, of each technique at each point.
+        parameters: how carefully.
+
+    Returns:
+        The place with its hidden parts, traced with meshes that carry their irradiance; and the real surfaces to go on
+        with, in which hidden environment is refined and carries it, and support is as modelled.
+    """
+    generator = generator.spawn(1)[0]
+    if not _hides_much(place, surfaces, generator, parameters):
+        return place, surfaces
+    modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
+    chosen, seen = _look(place, modelled, generator, parameters)
+    if not chosen.any() or not len(seen.points):
+        return place, surfaces
+    part = separate(modelled, chosen)
+    few = min(samples, parameters.unseen_mesh_samples)
+    mesh, irradiance = estimate_on_mesh(
+        place, part, generator, few, parameters.unseen_tolerance, parameters, whole_levels=True
+    )
+    samples = min(
+        samples // 8 * 2,
+        parameters.unseen_samples,
+        max(parameters.unseen_fewest_samples, parameters.unseen_vertex_samples // len(mesh.points) // 2 * 2),
+    )
+    grids = lay_out(mesh, parameters)
+    place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, grids, irradiance)))
+    number, likeness = np.flatnonzero(chosen), _likeness(part, seen, parameters)
+    for _ in range(parameters.unseen_rounds):
+        at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples, parameters)
+        part = replace(part, unseen_albedo=_albedo(part, number, likeness, seen, at_seen, parameters))
+        place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
+        irradiance = estimate_again(place, mesh, generator, samples, parameters)
+    place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
+
+    albedo = modelled.unseen_albedo.copy()
+    albedo[chosen] = part.unseen_albedo
+    modelled = replace(modelled, unseen_albedo=albedo)
+    environment = ~modelled.receiving
+    grids = grids.of_faces(~part.receiving[grids.mesh.parent])
+    return place, with_refined(modelled, chosen & environment, part, grids, irradiance)
+
+
+def _hides_much(
+    place: Place, surfaces: RealSurfaces, generator: np.random.Generator, parameters: RecoveryParameters
+) -> bool:
+    """Whether so much is hidden that it is worth a closer look, told from a few points: scans have millions of faces."""
+    areas = face_areas(surfaces.vertices, surfaces.faces)
+    if not areas.any():
+        return False
+    points, normals, _ = _spread(
+        surfaces, generator.multinomial(parameters.unseen_points, areas / areas.sum()), generator
+    )
+    _, hidden, _ = place.photograph.sight(_vectors(points), _vectors(normals))
+    return float(hidden.numpy().mean()) > parameters.unseen_share
+
+
+def _look(
+    place: Place, surfaces: RealSurfaces, generator: np.random.Generator, parameters: RecoveryParameters
+) -> tuple[NDArray[np.bool_], SeenPoints]:
+    """Which faces have hidden parts, shape (m,), and points of what is seen.
+
+    Args:
+        place: the place before insertion.
+        surfaces: the real surfaces, wound toward the capture point.
+        generator: source of randomness.
+        parameters: how many points.
+    """
+    areas = face_areas(surfaces.vertices, surfaces.faces)
+    counts = 1 + (parameters.unseen_points * areas / areas.sum()).astype(np.int64)
+    points, normals, face = _spread(surfaces, counts, generator)
+    sees, hides, radiance = place.photograph.sight(_vectors(points), _vectors(normals))
+    hidden = hides.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
+    chosen = np.bincount(face[hidden], minlength=len(areas)) > 0
+    front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
+    kept = np.flatnonzero(sees.numpy() & front)
+    most = max(parameters.unseen_fewest_seen, parameters.unseen_pairs // max(int(chosen.sum()), 1))
+    if len(kept) > most:
+        kept = generator.choice(kept, most, replace=False)
+    area = (areas / counts)[face[kept]]
+    return chosen, SeenPoints(points[kept], normals[kept], face[kept], area, radiance.numpy().T[kept])
+
+
+def _spread(
+    surfaces: RealSurfaces, counts: NDArray[np.int64], generator: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
+    """Random points on faces, ``counts`` of them on each: points and normals of shape (n, 3), and numbers of the faces."""
+    face = np.repeat(np.arange(len(counts)), counts)
+    weights = generator.dirichlet((1.0, 1.0, 1.0), len(face)).astype(np.float32)
+    points = np.einsum("nk,nkx->nx", weights, surfaces.vertices[surfaces.faces[face]])
+    return points, face_normals(surfaces.vertices, surfaces.faces[face]), face
+
+
+def _likeness(part: RealSurfaces, seen: SeenPoints, parameters: RecoveryParameters) -> NDArray[np.float32]:
+    """How much each seen point tells of the colour of each face, shape (m, n).
+
+    Most of all what lies in the same plane, then what faces up or down as much; and the nearest before all.
+
+    Args:
+        part: the faces with hidden parts.
+        seen: what the capture point sees.
+        parameters: what counts as the same plane, and how much.
+    """
+    centre = part.vertices[part.faces].mean(axis=1, dtype=np.float64)
+    normal = face_normals(part.vertices, part.faces).astype(np.float64)
+    squared = np.square(centre).sum(axis=1)[:, None] + np.square(seen.points).sum(axis=1) - 2.0 * centre @ seen.points.T
+    height = np.abs((centre * normal).sum(axis=1)[:, None] - normal @ seen.points.T)
+    same_plane = (height < parameters.same_plane) & (normal @ seen.normals.T > parameters.parallel)
+    near = 1.0 / np.square(squared + face_areas(part.vertices, part.faces)[:, None])
+    alike = np.exp(-parameters.alike * np.square(normal[:, 2:] - seen.normals[:, 2]))
+    return (near * np.where(same_plane, parameters.same_plane_weight, alike) * seen.area).astype(np.float32)
+
+
+def _albedo(
+    part: RealSurfaces,
+    number: NDArray[np.int64],
+    likeness: NDArray[np.float32],
+    seen: SeenPoints,
+    irradiance: NDArray[np.float32],
+    parameters: RecoveryParameters,
+) -> NDArray[np.float32]:
+    """What faces reflect where they are hidden, shape (m, 3), eq. (1b); 0 where their own seen part glows.
+
+    Args:
+        part: the faces with hidden parts.
+        number: of these among all, shape (m,).
+        likeness: from :func:`_likeness`.
+        seen: what the capture point sees.
+        irradiance: at these points, shape (n, 3).
+        parameters: bounds, and what counts as glowing.
+    """
+    glows = (np.pi * seen.radiance > GLOWING * irradiance).any(axis=1)
+    total = int(max(number.max(), seen.face.max())) + 1
+    matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[number] for mask in (~glows, glows))
+    lamp = glowing > np.maximum(matt, parameters.glowing_share * face_areas(part.vertices, part.faces))
+    sent, received = likeness[:, ~glows] @ seen.radiance[~glows], likeness[:, ~glows] @ irradiance[~glows]
+    albedo = np.clip(np.pi * sent / np.maximum(received, 1e-30), parameters.smallest_albedo, parameters.largest_albedo)
+    unknown = lamp | (received.max(axis=1) <= 0.0)
+    return np.where(unknown[:, None], 0.0, albedo).astype(np.float32)
+
+
+def _with_values(place: Place, surfaces: RealSurfaces) -> Place:
+    """The place with other values on the same meshes."""
+    return place.with_surfaces(place.surfaces.with_values(surfaces))
+
+
+def _vectors(values: NDArray[np.float32]) -> mi.Vector3f:
+    """Vectors of shape (n, 3)."""
+    return mi.Vector3f(*map(mi.Float, aligned_columns(values)))

@@ -1,0 +1,12 @@
+"""Lights of the real place that the photograph lacks. A new kind is a file here and a line in ``LightSettings``."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from lightdepth.scene.lights.clipped import ClippedTable
+from lightdepth.scene.lights.sun import SunTable
+
+LightSettings = Annotated[SunTable | ClippedTable, Field(discriminator="type")]
+
+__all__ = ["ClippedTable", "LightSettings", "SunTable"]

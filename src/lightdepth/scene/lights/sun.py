@@ -1,0 +1,91 @@
+"""``[[light]]`` with ``type = "sun"``: a sun that shines into the place and that the capture point does not see."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from lightdepth.errors import InputError
+from lightdepth.packages import optional_package
+from lightdepth.scene.lights.frame import sun_direction
+from lightdepth.scene.values import InputFile, Name, Number, Table, Vector3
+
+SUN_DIAMETER = 0.53
+"""Degrees, as seen from the earth."""
+
+
+class SunTable(Table):
+    """A sun: where it stands, in one of three ways, and how strong it is.
+
+    ``direction`` points toward the sun, world. ``azimuth`` counts clockwise from +y as seen from above. With ``latitude``,
+    ``longitude`` and ``time`` the direction is computed, and ``north`` is the azimuth of true north in the scene. All
+    angles are in degrees. ``irradiance`` is that of a surface which faces the sun, in the panorama's unit of radiance
+    times steradian.
+    """
+
+    type: Literal["sun"]
+    name: Name = "sun"
+    direction: Vector3 | None = None
+    azimuth: Number | None = None
+    elevation: Annotated[Number | None, Field(ge=-90.0, le=90.0)] = None
+    latitude: Annotated[Number | None, Field(ge=-90.0, le=90.0)] = None
+    longitude: Annotated[Number | None, Field(ge=-180.0, le=180.0)] = None
+    time: datetime | None = None
+    north: Number | None = None
+    diameter: Number = Field(default=SUN_DIAMETER, gt=0.0, le=10.0)
+    irradiance: tuple[
+        Annotated[Number, Field(ge=0.0)], Annotated[Number, Field(ge=0.0)], Annotated[Number, Field(ge=0.0)]
+    ]
+    mask: InputFile | None = None
+    mask_extent: tuple[Number, Number, Number, Number] | None = None
+
+    @model_validator(mode="after")
+    def _one_way(self) -> SunTable:
+        ways: dict[str, list[object]] = {
+            "direction": [self.direction],
+            "azimuth and elevation": [self.azimuth, self.elevation],
+            "latitude, longitude and time": [self.latitude, self.longitude, self.time],
+        }
+        begun = [name for name, values in ways.items() if any(value is not None for value in values)]
+        if len(begun) != 1 or any(value is None for value in ways[begun[0]]):
+            raise ValueError(f"give one of: {'; '.join(ways)}")
+        if self.time is not None and self.time.tzinfo is None:
+            raise ValueError("time needs an offset from UTC, as in 2026-06-21T15:30:00+02:00")
+        if self.north is not None and self.latitude is None:
+            raise ValueError("north goes with latitude, longitude and time")
+        if self.direction is not None and not any(self.direction):
+            raise ValueError("direction must not be (0, 0, 0)")
+        if not any(self.irradiance):
+            raise ValueError("irradiance must not be 0 in all channels")
+        if (self.mask is None) != (self.mask_extent is None):
+            raise ValueError("mask and mask_extent = [left, bottom, right, top] go together")
+        return self
+
+    def toward(self) -> NDArray[np.float64]:
+        """The unit direction toward the sun, world, shape (3,).
+
+        Raises:
+            InputError: the sun is not above the horizon.
+            SetupError: the package ``pvlib``, which knows where the sun is at a time, is missing.
+        """
+        if self.direction is not None:
+            direction = np.array(self.direction) / math.hypot(*self.direction)
+        elif self.azimuth is not None and self.elevation is not None:
+            direction = sun_direction(self.azimuth, self.elevation)
+        else:
+            direction = self._at_time()
+        if direction[2] <= 0.0:
+            below = math.degrees(math.asin(-direction[2]))
+            raise InputError(f"light '{self.name}': the sun stands {below:.1f} degrees below the horizon")
+        return np.asarray(direction)
+
+    def _at_time(self) -> NDArray[np.float64]:
+        pvlib = optional_package("pvlib.solarposition", "sun")
+        position = pvlib.get_solarposition(self.time, self.latitude, self.longitude)
+        azimuth, elevation = float(position["azimuth"].iloc[0]), float(position["apparent_elevation"].iloc[0])
+        return sun_direction(azimuth + (self.north or 0.0), elevation)

@@ -1,0 +1,109 @@
+"""What shows a session's picture while it is made, and when it is finished."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Protocol
+
+from lightdepth.errors import InputError
+
+if TYPE_CHECKING:
+    from lightdepth.film.frame import Frame
+
+
+class Display(Protocol):
+    """Something that shows pictures.
+
+    Attributes:
+        file: where they lie, for a display that is a file.
+        layers: names of the layers beyond the picture that it wants of the finished one; ``None`` for all.
+    """
+
+    file: Path | None
+    layers: Collection[str] | None
+
+    def show(self, frame: Frame, finished: bool) -> None:
+        """Show a picture.
+
+        Args:
+            frame: the picture; object ids, depth, normals and albedo may be missing before it is ``finished``.
+            finished: whether it is the last one.
+
+        Raises:
+            InputError: it cannot be shown.
+        """
+
+
+class ExrDisplay:
+    """The picture and its layers as OpenEXR; before it is finished, the picture alone.
+
+    Args:
+        file: where to write; its folder is made.
+        layers: layers to write beside the finished picture; ``None`` for all.
+    """
+
+    def __init__(self, file: Path, layers: Collection[str] | None = None) -> None:
+        self.file: Path | None = file
+        self.layers = layers
+
+    def show(self, frame: Frame, finished: bool) -> None:
+        """As for every display."""
+        from lightdepth.film.layers import write_frame
+
+        assert self.file is not None
+        _make_folder(self.file)
+        write_frame(self.file, frame, layers=self.layers if finished else [])
+
+
+class PngDisplay:
+    """The picture for the screen as PNG.
+
+    Args:
+        file: where to write; its folder is made.
+        exposure: stops by which it is lighter than the panorama's own brightness asks for.
+    """
+
+    def __init__(self, file: Path, exposure: float = 0.0) -> None:
+        self.file: Path | None = file
+        self.layers: Collection[str] | None = ()
+        self._exposure = exposure
+
+    def show(self, frame: Frame, finished: bool) -> None:
+        """As for every display."""
+        from lightdepth.film.layers import picture_exposure, write_picture
+
+        assert self.file is not None
+        _make_folder(self.file)
+        write_picture(self.file, frame, picture_exposure(frame) + self._exposure)
+
+
+class MemoryDisplay:
+    """Keeps the last picture, for whoever shows it.
+
+    Args:
+        layers: layers that are wanted of the finished picture; none by default, ``None`` for all.
+
+    Attributes:
+        frame: the last picture; ``None`` before the first.
+        finished: whether it is the last one.
+        shown: how many pictures there have been.
+    """
+
+    def __init__(self, layers: Collection[str] | None = ()) -> None:
+        self.file: Path | None = None
+        self.layers = layers
+        self.frame: Frame | None = None
+        self.finished, self.shown = False, 0
+
+    def show(self, frame: Frame, finished: bool) -> None:
+        """As for every display."""
+        self.frame, self.finished = frame, finished
+        self.shown += 1
+
+
+def _make_folder(file: Path) -> None:
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{file}: cannot be written ({error.strerror})") from error

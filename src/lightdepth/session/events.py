@@ -1,0 +1,138 @@
+"""What a session reports: typed events, which also travel as JSON, an object a line.
+
+Every event has the key ``event``, its kind. Readers ignore kinds and keys that they do not know; ``SCHEMA`` grows when
+the meaning of one changes or one goes away.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, fields
+from typing import Any, ClassVar
+
+from lightdepth.errors import InputError
+
+SCHEMA = 1
+"""Version of the events and of the requests of ``lightdepth serve``."""
+
+
+@dataclass(frozen=True)
+class Event:
+    """Base of the events.
+
+    Attributes:
+        kind: the value of the key ``event`` in JSON.
+    """
+
+    kind: ClassVar[str]
+
+    def to_json(self, **more: object) -> str:
+        """The event as one line of JSON, with ``more`` keys."""
+        return json.dumps({"event": self.kind, **asdict(self), **more})
+
+
+@dataclass(frozen=True)
+class Hello(Event):
+    """The first event of a process: who speaks.
+
+    Attributes:
+        version: of lightdepth.
+        schema: see :data:`SCHEMA`.
+    """
+
+    kind: ClassVar[str] = "hello"
+    version: str
+    schema: int = SCHEMA
+
+
+@dataclass(frozen=True)
+class Stage(Event):
+    """A part of the work begins.
+
+    Attributes:
+        stage: ``loading``, ``preparing``, ``rendering``, ``denoising`` or ``writing``.
+    """
+
+    kind: ClassVar[str] = "stage"
+    stage: str
+
+
+@dataclass(frozen=True)
+class Progress(Event):
+    """How far the rendering is; the attributes are those of :class:`lightdepth.film.rendering.Progress`."""
+
+    kind: ClassVar[str] = "progress"
+    fraction: float
+    samples: float
+    error: float
+    seconds_left: float
+
+
+@dataclass(frozen=True)
+class Picture(Event):
+    """The displays show a picture.
+
+    Attributes:
+        file: where it is, where one of the displays is a file; the first of them.
+        finished: whether it is the last one.
+    """
+
+    kind: ClassVar[str] = "picture"
+    file: str | None = None
+    finished: bool = False
+
+
+@dataclass(frozen=True)
+class Caution(Event):
+    """Something will make the picture wrong in places, or did not work that the picture can do without."""
+
+    kind: ClassVar[str] = "warning"
+    message: str
+
+
+@dataclass(frozen=True)
+class Failure(Event):
+    """The work cannot be done; nothing more comes of it.
+
+    Attributes:
+        message: the reason, for a person.
+    """
+
+    kind: ClassVar[str] = "failure"
+    message: str
+
+
+@dataclass(frozen=True)
+class Done(Event):
+    """The work has ended.
+
+    Attributes:
+        file: as for :class:`Picture`; ``None`` as well where it was interrupted before there was a picture.
+        interrupted: whether it was cancelled before all samples were taken.
+        exposure: stops at which the panorama's own brightness shows the picture; ``None`` without a picture.
+    """
+
+    kind: ClassVar[str] = "done"
+    file: str | None = None
+    interrupted: bool = False
+    exposure: float | None = None
+
+
+KINDS: dict[str, type[Event]] = {
+    event.kind: event for event in (Hello, Stage, Progress, Picture, Caution, Failure, Done)
+}
+"""The events by their kind. A new one is a class and its name here."""
+
+
+def from_json(line: str) -> Event | None:
+    """An event out of a line of JSON; ``None`` for a kind that this version does not know.
+
+    Raises:
+        InputError: the line is no event.
+    """
+    try:
+        values: Any = json.loads(line)
+        event = KINDS.get(values["event"])
+        return None if event is None else event(**{f.name: values[f.name] for f in fields(event) if f.name in values})
+    except (ValueError, TypeError, KeyError) as error:
+        raise InputError(f"not an event: {line.strip()[:120]}") from error

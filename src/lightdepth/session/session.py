@@ -1,0 +1,357 @@
+"""The life of a rendering: started, watched, paused, changed, given more samples, cancelled."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lightdepth.api import DEFAULT_METHOD, begin_rendering, forget_prepared
+from lightdepth.cancellation import Cancelled, cancellable
+from lightdepth.errors import InputError, LightdepthError
+from lightdepth.film.checkpoint import remove_checkpoint, write_checkpoint
+from lightdepth.film.checkpoint import resume as go_on
+from lightdepth.film.sums import PixelSums, Share
+from lightdepth.kernel.start import Device
+from lightdepth.packages import require_package
+from lightdepth.scene.model import Scene
+from lightdepth.session.displays import Display
+from lightdepth.session.events import Caution, Done, Event, Failure, Picture, Progress, Stage
+
+if TYPE_CHECKING:
+    from lightdepth.film.frame import Frame
+    from lightdepth.film.rendering import Progress as Step
+    from lightdepth.film.rendering import Rendering
+
+CHECKPOINT_SECONDS = 30.0
+"""Work that a killed process loses at most."""
+LOGGER = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What is to be rendered of a scene, and how.
+
+    Attributes:
+        camera: name of the camera; the scene's first by default.
+        samples: samples per pixel; the scene's own setting by default.
+        noise: relative error at which a pixel is done; the scene's own setting by default.
+        method: name of the method.
+        seed: of the random numbers; the scene's own setting by default.
+        draft: a quick look.
+        denoise: denoise the finished picture.
+        region: columns and rows (left, top, right, bottom) that are finished before the rest is begun.
+        share: the part of the work to do.
+        sums: where to save the sums of the samples; there is no picture then.
+        merged: sums to make the picture of, without taking samples.
+        checkpoint: where to keep a checkpoint while rendering; it is removed when all is done.
+        checkpoint_seconds: between two of them, at least.
+        resume: go on from ``checkpoint`` where it exists.
+        preview_seconds: between two unfinished pictures, at least; ``None`` shows none.
+        cache: use and fill the cache of prepared places on disk.
+    """
+
+    camera: str | None = None
+    samples: int | None = None
+    noise: float | None = None
+    method: str = DEFAULT_METHOD
+    seed: int | None = None
+    draft: bool = False
+    denoise: bool = False
+    region: tuple[int, int, int, int] | None = None
+    share: Share = Share()  # noqa: RUF009 - it is immutable
+    sums: Path | None = None
+    merged: PixelSums | None = None
+    checkpoint: Path | None = None
+    checkpoint_seconds: float = CHECKPOINT_SECONDS
+    resume: bool = False
+    preview_seconds: float | None = None
+    cache: bool = True
+
+
+class Session:
+    """Renders one scene at a time, here or in a thread of its own, and reports how it goes.
+
+    The methods may be called from any thread. Listeners and displays are called from the one that renders.
+
+    Args:
+        scene: what to render.
+        device: ``auto``, ``cpu`` or ``cuda``.
+        keep: keep what was rendered and prepared, so that :meth:`set_samples` can go on from there; else the memory is
+            given back before the finished picture is denoised and shown.
+    """
+
+    def __init__(self, scene: Scene, device: Device = "auto", keep: bool = True) -> None:
+        self._scene, self._device, self._keep = scene, device, keep
+        self._listeners: list[Callable[[Event], None]] = []
+        self._displays: list[Display] = []
+        self._changed = threading.Condition()
+        self._cancelled, self._paused, self._interrupted = False, False, False
+        self._job = Job()
+        self._rendering: Rendering | None = None
+        self._thread: threading.Thread | None = None
+        self._error: BaseException | None = None
+
+    # -- Who watches --------------------------------------------------------------------------------------------
+
+    def on(self, listener: Callable[[Event], None]) -> None:
+        """Report every event to ``listener``."""
+        self._listeners.append(listener)
+
+    def display(self, display: Display) -> None:
+        """Show the pictures on ``display``."""
+        self._displays.append(display)
+
+    def _report(self, event: Event) -> None:
+        if isinstance(event, Stage):
+            LOGGER.info("stage=%s camera=%s", event.stage, self._job.camera)
+        for listener in self._listeners:
+            listener(event)
+
+    # -- Steering -----------------------------------------------------------------------------------------------
+
+    @property
+    def running(self) -> bool:
+        """Whether a thread of the session is at work, or paused."""
+        return self._thread is not None and self._thread.is_alive()
+
+    def start(self, job: Job) -> None:
+        """Begin to render in a thread; one that is at work is given up before.
+
+        What goes wrong is reported as a :class:`~lightdepth.session.events.Failure`.
+        """
+        self._end_thread()
+        if replace(job, samples=None, noise=None) != replace(self._job, samples=None, noise=None):
+            self._rendering = None
+        self._job = job
+        self._begin_thread()
+
+    def pause(self) -> None:
+        """Stop after the pass that is being made, until :meth:`resume`."""
+        with self._changed:
+            self._paused = True
+
+    def resume(self) -> None:
+        """Go on after :meth:`pause`."""
+        with self._changed:
+            self._paused = False
+            self._changed.notify_all()
+
+    def cancel(self) -> None:
+        """Stop soon, also while preparing; a picture that was begun is shown as it is."""
+        with self._changed:
+            self._cancelled = True
+            self._changed.notify_all()
+
+    def reset(self, scene: Scene) -> None:
+        """Give up what is being rendered and begin the same with a changed scene."""
+        self._end_thread()
+        self._scene, self._rendering = scene, None
+        self._begin_thread()
+
+    def set_samples(self, samples: int) -> None:
+        """Change how many samples per pixel are wanted; those that were taken count.
+
+        Raises:
+            InputError: ``samples`` is out of range.
+        """
+        if samples < 1:
+            raise InputError(f"samples = {samples}: at least 1 is needed")
+        with self._changed:
+            self._job = replace(self._job, samples=samples)
+            if self.running:
+                return
+        self._begin_thread()
+
+    def wait(self, seconds: float | None = None) -> bool:
+        """Wait until the thread has ended, or for some time; whether it has."""
+        if self._thread is not None:
+            self._thread.join(seconds)
+        return not self.running
+
+    def _begin_thread(self) -> None:
+        self._cancelled = self._paused = False
+        self._thread = threading.Thread(target=self._in_thread, name="lightdepth session", daemon=True)
+        self._thread.start()
+
+    def _end_thread(self) -> None:
+        """Give up what is being rendered, without a picture of it."""
+        if self.running:
+            self._interrupted = True
+            self.cancel()
+            self.resume()
+            self.wait()
+        self._interrupted = False
+
+    def _in_thread(self) -> None:
+        try:
+            self._render()
+        except LightdepthError as error:
+            self._report(Failure(str(error)))
+        except Exception as error:
+            LOGGER.exception("a session failed")
+            self._report(Failure(f"internal error: {type(error).__name__}: {error}"))
+
+    # -- The work -----------------------------------------------------------------------------------------------
+
+    def run(self, job: Job, cancelled: Callable[[], bool] | None = None) -> Done:
+        """Render in this thread until all is done, or until :meth:`cancel`.
+
+        Args:
+            job: what to render.
+            cancelled: whether it is no longer wanted, asked now and then; :meth:`cancel` alone by default.
+
+        Returns:
+            How it ended, the last event.
+
+        Raises:
+            InputError, SetupError: as :func:`lightdepth.render` raises them, or a file cannot be written.
+        """
+        self._job, self._rendering, self._paused = job, None, False
+        self._cancelled = False if cancelled is None else cancelled()
+        return self._render()
+
+    def _render(self) -> Done:
+        job = self._job
+        if job.denoise:  # Not first found out when all is rendered.
+            require_package("mitsuba_oidn", "denoise")
+        try:
+            rendering = self._rendering or self._prepared(job)
+        except Cancelled:
+            return self._done(Done(None, interrupted=True))
+        interrupted = job.merged is None and not self._sampled(rendering)
+        if self._interrupted:
+            return Done(None, interrupted=True)
+        self._rendering = rendering if self._keep else None
+        if job.sums is not None:
+            return self._saved(rendering, job, job.sums, interrupted)
+        wanted = [display.layers for display in self._displays]
+        frame = rendering.frame(_auxiliary(wanted, job.denoise), finish=not self._keep)
+        del rendering
+        if not self._keep:
+            forget_prepared()  # To write a large picture takes memory as well.
+        if job.denoise:
+            from lightdepth.film.denoising import denoise
+
+            self._report(Stage("denoising"))
+            frame = denoise(frame)
+        from lightdepth.film.layers import picture_exposure
+
+        file = self._show(frame, finished=True)
+        if job.checkpoint is not None and not interrupted:
+            remove_checkpoint(job.checkpoint)
+        return self._done(Done(file, interrupted, round(picture_exposure(frame), 3)))
+
+    def _done(self, event: Done) -> Done:
+        if not self._interrupted:
+            self._report(event)
+        return event
+
+    def _prepared(self, job: Job) -> Rendering:
+        """A rendering that has just begun, or goes on from its checkpoint."""
+        self._report(Stage("preparing"))
+        began = time.monotonic()
+        with cancellable(lambda: self._cancelled):
+            rendering = begin_rendering(
+                self._scene,
+                job.camera,
+                job.method,
+                job.seed,
+                self._device,
+                lambda message: self._report(Caution(message)),
+                job.draft,
+                job.share,
+                job.cache,
+            )
+        LOGGER.info("prepared seconds=%.2f pixels=%d", time.monotonic() - began, len(rendering.pixels))
+        if job.merged is not None:
+            rendering.adopt(job.merged)
+        if job.checkpoint is not None and job.checkpoint.exists():
+            if job.resume:
+                go_on(job.checkpoint, rendering)
+                LOGGER.info("resumed checkpoint=%s", job.checkpoint)
+            else:
+                self._report(
+                    Caution(f"{job.checkpoint}: of an earlier rendering, is replaced; --resume would go on from it")
+                )
+        return rendering
+
+    def _sampled(self, rendering: Rendering) -> bool:
+        """Take the samples; whether all were taken."""
+        self._report(Stage("rendering"))
+        shown = kept = time.monotonic()
+        regions = [None] if self._job.region is None else [self._job.region, None]
+        while regions:
+            job = self._job
+            for step in rendering.run(*rendering.target(job.samples, job.noise), regions[0]):
+                self._report(_progress(step))
+                now = time.monotonic()
+                if job.preview_seconds is not None and not self._cancelled and now - shown > job.preview_seconds:
+                    self._show(rendering.frame(auxiliary=False), finished=False)
+                    shown = time.monotonic()
+                if job.checkpoint is not None and now - kept > job.checkpoint_seconds and step.fraction < 1.0:
+                    kept = self._keep_checkpoint(rendering, job.checkpoint)
+                with self._changed:
+                    self._changed.wait_for(lambda: self._cancelled or not self._paused)
+                    if self._cancelled and step.fraction < 1.0:
+                        break
+                    if self._job is not job:
+                        break
+            else:
+                regions.pop(0)
+                continue
+            if self._cancelled:
+                if self._job.checkpoint is not None and not self._interrupted:
+                    self._keep_checkpoint(rendering, self._job.checkpoint)
+                return False
+        return True
+
+    def _keep_checkpoint(self, rendering: Rendering, path: Path) -> float:
+        """Write a checkpoint, which the picture can do without; the time when it was there."""
+        began = time.monotonic()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_checkpoint(path, rendering)
+            LOGGER.info("checkpoint=%s seconds=%.2f", path, time.monotonic() - began)
+        except (InputError, OSError) as error:
+            self._report(Caution(f"no checkpoint: {error}"))
+        return began
+
+    def _saved(self, rendering: Rendering, job: Job, path: Path, interrupted: bool) -> Done:
+        """The sums in a file; an interrupted share would not be one, and has its checkpoint."""
+        if interrupted:
+            return self._done(Done(None, interrupted))
+        self._report(Stage("writing"))
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+        rendering.sums().save(path)
+        if job.checkpoint is not None:
+            remove_checkpoint(job.checkpoint)
+        return self._done(Done(str(path)))
+
+    def _show(self, frame: Frame, finished: bool) -> str | None:
+        """Show a picture on all displays; the first file that it is in."""
+        if finished:
+            self._report(Stage("writing"))
+        for display in self._displays:
+            display.show(frame, finished)
+        file = next((str(display.file) for display in self._displays if display.file is not None), None)
+        self._report(Picture(file, finished))
+        return file
+
+
+def _auxiliary(wanted: list[Collection[str] | None], denoise: bool) -> bool:
+    """Whether object ids, depth, normals and albedo are needed."""
+    from lightdepth.film.layers import AUXILIARY
+
+    return denoise or any(layers is None or not AUXILIARY.isdisjoint(layers) for layers in wanted)
+
+
+def _progress(step: Step) -> Progress:
+    return Progress(round(step.fraction, 4), round(step.samples, 2), round(step.error, 5), round(step.seconds_left, 1))

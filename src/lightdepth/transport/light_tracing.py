@@ -1,0 +1,335 @@
+"""Paths that begin at the light: by way of objects to support or another object, and from there into the image.
+
+Theory, section 3, "From the light". What polished objects throw onto a floor comes from a small part of their surface,
+which a path from the floor seldom meets; a path from the lamp always does. Both are taken, each as far as it is the
+likelier one (bidirectional path tracing, Veach and Guibas 1995, with this one connection more).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import drjit as dr
+import mitsuba as mi
+
+from lightdepth.place.light_list import LightList
+from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.place.place import Place
+from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.place.reflectance import recovered_reflectance
+from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
+from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
+from lightdepth.transport.sampler import Sampler
+
+ROULETTE_DEPTH = 4
+"""Scatterings on objects before paths are ended by the share of light that objects leave them."""
+LARGEST_SURVIVAL = 0.95
+ENDING_SHARE = 0.5
+"""Of the paths that come from one object to another that scatters them into the camera."""
+
+
+@dataclass
+class Connection:
+    """How a camera sees points.
+
+    Attributes:
+        origin: where its rays to them start, world, metres.
+        film: where its image shows them, in [0, 1].
+        solid_angle: of the pixels there, steradians.
+        weight: of what paths bring there; 1 where the image shows a point in one place and its rays have one origin.
+        seen: whether the image shows that direction.
+    """
+
+    origin: mi.Point3f
+    film: mi.Point2f
+    solid_angle: mi.Float
+    weight: mi.Float
+    seen: mi.Bool
+
+
+Connect = Callable[[mi.Point3f, Sampler], Connection]
+"""From points, world, to how the camera sees them."""
+
+
+@dataclass
+class Splats:
+    """What light paths bring to the image.
+
+    Attributes:
+        film: where, in [0, 1].
+        radiance: of the pixel there, times the number of light paths.
+        on_object: which bring it to an object, and not to support.
+        valid: which bring anything.
+    """
+
+    film: mi.Point2f
+    radiance: mi.Color3f
+    on_object: mi.Bool
+    valid: mi.Bool
+
+
+@dataclass
+class LightPath:
+    """Paths on their way.
+
+    Attributes:
+        sampler: their random numbers.
+        ray: where they go, world.
+        active: which are still on objects.
+        flux: what they carry, watts.
+        pdf_ratio: the factor of the pdf ratio (:meth:`LightTracer.weight`) that their light and their first scattering
+            decide.
+        light_density: of their light, over the cosine at its surface, per square metre; of sky, per steradian.
+        finite: false where they come from the sky.
+        scatterings: so far, all on objects.
+        arrived: which have ended after at least one.
+        found: where their ray has led these.
+    """
+
+    sampler: Sampler
+    ray: mi.Ray3f
+    active: mi.Bool
+    flux: mi.Color3f
+    pdf_ratio: mi.Float
+    light_density: mi.Float
+    finite: mi.Bool
+    scatterings: mi.UInt32
+    arrived: mi.Bool
+    found: mi.PreliminaryIntersection3f
+
+
+class LightTracer:
+    """Light by way of objects to the support, or the object, that the camera sees.
+
+    Args:
+        place: the photographed place.
+        surfaces: real and synthetic surfaces; no material may have holes.
+        bounds: of the objects.
+        lit: of those that the paths are aimed at.
+        lobes: the specular lobes of the support.
+        max_bounces: scatterings, the last one included, that a path may have.
+        light_samples: for how many samples of the map's light paths from the camera take theirs at an object.
+    """
+
+    def __init__(
+        self,
+        place: Place,
+        surfaces: TracedSurfaces,
+        bounds: ObjectBounds,
+        lit: ObjectBounds,
+        lobes: SpecularLobes,
+        max_bounces: mi.UInt32,
+        light_samples: float,
+    ) -> None:
+        self.place, self.surfaces, self.bounds, self.lit, self.lobes = place, surfaces, bounds, lit, lobes
+        self.max_bounces, self.light_samples = max_bounces, light_samples
+
+    # -- Which technique is taken how far ------------------------------------------------------------------------
+
+    @staticmethod
+    def pdf_ratio_at_first(
+        pixel: mi.Float, distance: mi.Float, cosine: mi.Float, onward_cosine: mi.Float, pdf: mi.Float
+    ) -> mi.Float:
+        """The factor of the pdf ratio that the camera and the surface that it sees decide.
+
+        Args:
+            pixel: solid angle of the pixel, steradians, times the light paths for each path from the camera.
+            distance: from the camera, metres.
+            cosine: there, between the normal and the direction to the camera; its sign does not matter.
+            onward_cosine: likewise to the next object.
+            pdf: density with which paths from the camera draw that direction, per steradian.
+        """
+        area = pixel * dr.square(distance) / dr.maximum(dr.abs(cosine), 1e-4)
+        return area * dr.abs(onward_cosine) / dr.maximum(pdf, 1e-20)
+
+    def camera_weight(
+        self,
+        pdf_ratio: mi.Float,
+        light: mi.Vector3f,
+        finite: mi.Bool,
+        pdf: mi.Float,
+        distance: mi.Float,
+        point: mi.Point3f,
+        direction: mi.Vector3f,
+        scattering_pdf: mi.Float,
+    ) -> mi.Float:
+        """Weight of paths from the camera that have come to an object and from there to a light.
+
+        Args:
+            pdf_ratio: the factor of the pdf ratio that the first of their surfaces decided; 0 where no light path does
+                the same.
+            light: where it is, world, metres where ``finite``; of sky the direction toward it.
+            finite: false for sky.
+            pdf: density with which light sampling at ``point`` finds it, per steradian.
+            distance: between ``point`` and light, metres.
+            point: on the object, world, metres.
+            direction: from there to the light, unit, world.
+            scattering_pdf: density with which a path from the camera scatters to the light, per steradian; 0 where the
+                object scatters into single directions.
+        """
+        beams = self.lit.beams(light, finite)
+        density = pdf * beams.pdf(point, -direction) * dr.select(finite, dr.rcp(dr.square(distance)), 1.0)
+        return self.weight(pdf_ratio * (density * self._scattered_share(scattering_pdf, pdf)))
+
+    def _scattered_share(self, scattering_pdf: mi.Float, pdf: mi.Float) -> mi.Float:
+        """Share of the paths from the camera that scattering, and not light sampling, sends to a light."""
+        both = scattering_pdf + pdf * self.light_samples
+        return dr.select(scattering_pdf > 0.0, scattering_pdf / dr.maximum(both, 1e-20), 1.0)
+
+    @staticmethod
+    def weight(pdf_ratio: mi.Float) -> mi.Float:
+        """Weight of the path from the camera where one from the light is so many times as likely (power heuristic)."""
+        return dr.rcp(1.0 + dr.square(dr.minimum(pdf_ratio, 1e15)))
+
+    # -- Paths ---------------------------------------------------------------------------------------------------
+
+    def trace(self, sampler: Sampler, lights: LightList, connect: Connect, per_path: mi.Float) -> Splats:
+        """Follow paths from the light samples of the place, one in each lane.
+
+        Args:
+            sampler: their random numbers.
+            lights: light samples of the place.
+            connect: the camera.
+            per_path: light paths for each path from the camera through one pixel.
+        """
+        return self._seen(self._scattered_on_objects(self._emitted(sampler, lights)), connect, per_path)
+
+    def _emitted(self, sampler: Sampler, lights: LightList) -> LightPath:
+        """Paths that leave the light toward the objects."""
+        count = dr.width(sampler.index)
+        number = mi.Float(dr.arange(mi.UInt32, count)) + sampler.next_1d()
+        light = lights.sample(number / dr.opaque(mi.Float, count), mi.Bool(True))
+        beams = self.lit.beams(light.position, light.finite)
+        origin, direction = beams.sample(sampler.next_1d(), mi.Point2f(sampler.next_1d(), sampler.next_1d()))
+        cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
+        light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)
+        density = light_density * beams.pdf(origin, direction)
+        active = (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit
+        # Beams of the sky begin beyond all objects: whatever stands before the one aimed at is met first. So far they
+        # must come.
+        lift = self.bounds.extent(light.position) - dr.dot(mi.Vector3f(origin), light.position)
+        origin += dr.select(light.finite, 0.0, light.position * lift)
+        outward = mi.Ray3f(origin, -direction)
+        active &= light.finite | self.place.unblocked(light, outward, active & ~light.finite)
+        ray = mi.Ray3f(origin, direction)
+        ray = dr.select(light.finite, leave(origin, light.normal, direction), ray)
+        return LightPath(
+            sampler,
+            ray,
+            active,
+            flux=light.radiance * self.place.transmittance(light, origin) / dr.maximum(density, 1e-20),
+            pdf_ratio=mi.Float(density),
+            light_density=mi.Float(light_density),
+            finite=mi.Bool(light.finite),
+            scatterings=mi.UInt32(0),
+            arrived=mi.Bool(False),
+            found=dr.zeros(mi.PreliminaryIntersection3f, count),
+        )
+
+    @dr.syntax
+    def _scattered_on_objects(self, path: LightPath) -> LightPath:
+        """Follow paths from object to object until they end."""
+        while path.active:
+            path = self._advance(path)
+        return path
+
+    def _advance(self, path: LightPath) -> LightPath:
+        """Follow paths to what they meet next; if it is an object, scatter them, or end them there."""
+        sampler, ray, active = path.sampler, path.ray, mi.Bool(path.active)
+        context = mi.BSDFContext(mi.TransportMode.Importance)
+        first = path.scatterings == 0
+        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        on_real = active & self.surfaces.is_real(found)
+        on_synthetic = active & found.is_valid() & ~on_real
+        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        materials = self.surfaces.materials
+        material = materials.number(si, on_synthetic)
+        smooth = mi.has_flag(materials.flags(material, on_synthetic), mi.BSDFFlags.Smooth)
+        may_end = on_synthetic & ~first & smooth
+        ends = may_end & (sampler.next_1d(active) < ENDING_SHARE)
+        arrived = (on_real & ~first) | ends
+        choice, position = sampler.next_1d(active), mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
+        drawn, weight = materials.sample(material, context, si, choice, position, on_synthetic)
+        direction = si.to_world(drawn.wo)
+        # Shading normals make scattering asymmetric: what they would do to the path from the camera.
+        asymmetry = dr.abs(mi.Frame3f.cos_theta(si.wi) * dr.dot(si.n, direction))
+        asymmetry /= dr.maximum(dr.abs(mi.Frame3f.cos_theta(drawn.wo) * dr.dot(si.n, ray.d)), 1e-6)
+        scattered_flux = path.flux * weight * asymmetry
+
+        turned = mi.SurfaceInteraction3f(si)
+        turned.wi = drawn.wo
+        _, scattering_pdf = materials.eval_pdf(material, mi.BSDFContext(), turned, si.wi, on_synthetic & first)
+        scattering_pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, scattering_pdf)
+        light_pdf = path.light_density * dr.select(path.finite, dr.squared_norm(si.p - ray.o), 1.0)
+        pdf_ratio = path.pdf_ratio * dr.select(first, self._scattered_share(scattering_pdf, light_pdf), 1.0)
+
+        survival = dr.clip(dr.max(weight), 0.0, LARGEST_SURVIVAL)
+        survival = dr.select(path.scatterings >= ROULETTE_DEPTH, survival, 1.0)
+        scattered = on_synthetic & ~ends & (dr.max(scattered_flux) > 0.0) & (path.scatterings + 2 <= self.max_bounces)
+        scattered &= sampler.next_1d(active) < survival
+        scattered_flux *= dr.rcp(dr.maximum(survival, 1e-6) * dr.select(may_end, 1.0 - ENDING_SHARE, 1.0))
+        flux = dr.select(scattered, scattered_flux, path.flux)
+        flux *= dr.select(ends, 1.0 / ENDING_SHARE, 1.0)
+        onward = leave(si.p, si.n, direction)
+        still = mi.Bool(scattered)
+        if self.place.infinite:
+            # Nothing real stands before a light that is infinitely far.
+            passed = on_real & first
+            hit = self.surfaces.real_hit(ray, found, passed)
+            onward = dr.select(passed, leave(hit.point, hit.normal, ray.d), onward)
+            still |= passed
+        return LightPath(
+            sampler,
+            dr.select(still, onward, ray),
+            still,
+            flux,
+            dr.select(scattered, pdf_ratio, path.pdf_ratio),
+            path.light_density,
+            path.finite,
+            path.scatterings + dr.select(scattered, mi.UInt32(1), mi.UInt32(0)),
+            path.arrived | arrived,
+            dr.select(arrived, found, path.found),
+        )
+
+    def _seen(self, path: LightPath, connect: Connect, per_path: mi.Float) -> Splats:
+        """What the camera sees of the light that paths bring to where they end."""
+        ray, incoming, found = path.ray, -path.ray.d, path.found
+        on_real = path.arrived & self.surfaces.is_real(found)
+        on_object = path.arrived & found.is_valid() & ~on_real
+        hit = self.surfaces.real_hit(ray, found, on_real)
+        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_object)
+        point, normal = dr.select(on_object, si.p, hit.point), dr.select(on_object, si.n, hit.normal)
+
+        camera = connect(point, path.sampler)
+        offset = camera.origin - point
+        distance = dr.norm(offset)
+        outgoing = offset * dr.rcp(dr.maximum(distance, 1e-20))
+        cosine, incoming_cosine = dr.dot(normal, outgoing), dr.dot(normal, incoming)
+        on_object &= camera.seen
+        on_support = on_real & camera.seen & (hit.kind == int(FaceKind.SUPPORT))
+        on_support &= (incoming_cosine > 0.0) & (cosine > 0.0)
+
+        rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, on_support)
+        cones = self.bounds.cones(point)
+        support = SupportScattering(
+            rho, hit.normal, outgoing, self.lobes, hit.gloss, cones, mi.Float(1.0), specular_scale
+        )
+        value, pdf = support.evaluate(incoming)
+        from_camera = mi.SurfaceInteraction3f(si)
+        from_camera.wi = si.to_local(outgoing)
+        materials = self.surfaces.materials
+        material = materials.number(si, on_object)
+        bsdf_value, bsdf_pdf = materials.eval_pdf(material, mi.BSDFContext(), from_camera, si.wi, on_object)
+        value, pdf = dr.select(on_object, bsdf_value, value), dr.select(on_object, bsdf_pdf, pdf)
+
+        angle = camera.solid_angle
+        pdf_ratio = path.pdf_ratio * self.pdf_ratio_at_first(angle * per_path, distance, cosine, incoming_cosine, pdf)
+        radiance = path.flux * value * (1.0 - self.weight(pdf_ratio))
+        radiance *= dr.abs(cosine) / dr.maximum(dr.abs(incoming_cosine), 1e-6)
+        radiance *= camera.weight
+        radiance /= dr.maximum(angle * dr.square(distance), 1e-20)
+        active = (on_support | on_object) & (dr.max(radiance) > 0.0)
+        sight = shadow_ray(point, normal, outgoing, distance)
+        active &= ~self.surfaces.all.ray_test(sight, coherent=False, active=active)
+        return Splats(camera.film, radiance & active, on_object, active)

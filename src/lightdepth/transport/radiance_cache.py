@@ -1,0 +1,177 @@
+"""What the objects change on support surfaces, as other surfaces see it: means over cells of space.
+
+Theory, eq. (4b). A support point ``q`` that a path meets after a scattering sends ``D(q)``, for which the path would
+have to go on. It is nearly the same for all paths that arrive near ``q``: so some paths, used for nothing else, learn its
+mean over a cell of space, and all others end there. (Path space filtering: Keller et al. 2014, Binder et al. 2018.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.kernel.arrays import aligned, aligned_empty
+from lightdepth.place.object_bounds import ObjectBounds
+
+EDGE = 0.5
+"""Edge of a cell, at most, relative to the distance to the nearest object."""
+SMALLEST_EDGE, LARGEST_EDGE = 0.001, 4.0
+"""Metres."""
+FEWEST_ENTRIES = 2
+"""Of the list of cells, if need be with an empty one: looking up a list of one makes a kernel of its own, a second to
+compile."""
+COORDINATE_BITS, FACING_BITS = 18, 3
+LEVEL_OFFSET = 16
+NO_CELL = 0
+NEIGHBOURS_COUNT = 4.0
+"""Cells are read as if they had so many more records, of the mean of the two by two by two that they are among: most have
+few of their own at first, and some none."""
+CORNERS = np.array(
+    [sum(((corner >> axis) & 1) << (FACING_BITS + axis * COORDINATE_BITS) for axis in range(3)) for corner in range(8)],
+    np.uint64,
+)
+"""The bits of a cell's number that tell which of eight neighbours it is."""
+
+
+class RadianceCache:
+    """Mean change of a white surface's radiance, ``1/pi`` times that of its irradiance, by cell.
+
+    Args:
+        bounds: of the objects: cells are small where these are near.
+
+    Attributes:
+        learning: whether the paths that are followed learn, instead of estimating anything for their pixels.
+    """
+
+    def __init__(self, bounds: ObjectBounds) -> None:
+        self._bounds = bounds
+        self._cells = np.zeros(0, np.uint64)
+        self._sums = np.zeros((0, 3))
+        self._records = np.zeros(0, np.int64)
+        self._upload()
+        self._expect(0)
+
+    @contextmanager
+    def learn(self, paths: int) -> Iterator[None]:
+        """While this is open, the paths that are followed learn; what they have learnt is known when it closes.
+
+        Args:
+            paths: how many will be followed.
+        """
+        self._expect(paths)
+        yield
+        self._add(self._learnt_cells.numpy(), self._learnt.numpy().reshape(-1, 4)[:, :3])
+        self._expect(0)
+
+    def contents(self) -> dict[str, NDArray]:
+        """Everything that it has learnt, by name."""
+        return {"cells": self._cells, "sums": self._sums, "records": self._records}
+
+    def restore(self, contents: Mapping[str, NDArray]) -> None:
+        """Put what :meth:`contents` gave in place of what there is."""
+        self._cells, self._sums, self._records = (contents[name] for name in ("cells", "sums", "records"))
+        self._upload()
+
+    def cell(self, point: mi.Point3f, normal: mi.Vector3f) -> tuple[mi.UInt64, mi.Float]:
+        """The cells of points and their edges in metres.
+
+        Args:
+            point: world, metres.
+            normal: unit, world; surfaces that face apart have cells of their own.
+        """
+        longest = dr.clip(EDGE * self._bounds.detail(point), SMALLEST_EDGE, LARGEST_EDGE)
+        level = dr.floor(dr.log2(longest))
+        edge = dr.exp2(level)
+        key = mi.UInt64(mi.UInt32(mi.Int32(level) + LEVEL_OFFSET))
+        for coordinate in (point.x, point.y, point.z):
+            place = mi.UInt32(mi.Int32(dr.floor(coordinate / edge))) & ((1 << COORDINATE_BITS) - 1)
+            key = (key << COORDINATE_BITS) | mi.UInt64(place)
+        return (key << FACING_BITS) | mi.UInt64(_facing(normal)), edge
+
+    @dr.syntax
+    def look_up(self, cell: mi.UInt64, active: mi.Bool) -> tuple[mi.Bool, mi.Color3f]:
+        """Whether cells are known, and what is known of them.
+
+        Args:
+            cell: from :meth:`cell`.
+            active: which are wanted.
+        """
+        below, step = mi.UInt32(0), mi.UInt32(self._widest_step)
+        while step > 0:
+            tried = below + step
+            inside = active & (tried <= self._count)
+            before = dr.gather(mi.UInt64, self._known, tried - 1, inside) < cell
+            below = dr.select(inside & before, tried, below)
+            step >>= 1
+        found = active & (below < self._count)
+        found &= dr.gather(mi.UInt64, self._known, below, found) == cell
+        value = dr.gather(mi.Vector4f, self._means, below, found)
+        return found, mi.Color3f(value.x, value.y, value.z)
+
+    def record(self, path: mi.UInt32, cell: mi.UInt64, change: mi.Color3f, active: mi.Bool) -> None:
+        """Keep what paths have learnt, where paths learn.
+
+        Args:
+            path: their numbers, below the number that is expected.
+            cell: where, or ``NO_CELL``.
+            change: of a white surface's radiance, as they found it.
+            active: which have ended.
+        """
+        active = active & self.learning & (cell != NO_CELL)
+        dr.scatter(self._learnt_cells, cell, path, active)
+        dr.scatter(self._learnt, mi.Vector4f(change.x, change.y, change.z, 0.0), path, active)
+
+    def _expect(self, paths: int) -> None:
+        self.learning = dr.opaque(mi.Bool, paths > 0)
+        self._learnt_cells = dr.zeros(mi.UInt64, max(paths, 1))
+        self._learnt = dr.zeros(mi.Float, 4 * max(paths, 1))
+        dr.make_opaque(self._learnt_cells, self._learnt)
+
+    def _add(self, cells: NDArray[np.uint64], records: NDArray[np.float32]) -> None:
+        useful = (cells != NO_CELL) & np.isfinite(records).all(axis=1)
+        cells, records = cells[useful], records[useful]
+        self._cells, place = np.unique(np.concatenate([self._cells, cells]), return_inverse=True)
+        # One after the other in the order of the paths, so that the same paths always give the same means.
+        known, size = len(self._records), len(self._cells)
+        number, sums = np.zeros(size, np.int64), np.zeros((size, 3))
+        number[place[:known]], sums[place[:known]] = self._records, self._sums
+        number += np.bincount(place[known:], minlength=size)
+        for channel in range(3):
+            sums[:, channel] += np.bincount(place[known:], records[:, channel], size)
+        self._records, self._sums = number, sums
+        self._upload()
+
+    def _upload(self) -> None:
+        blocks, of_record = np.unique(self._cells & ~CORNERS[-1], return_inverse=True)
+        cells = (blocks[:, None] | CORNERS).reshape(-1)
+        block = np.repeat(np.arange(len(blocks)), len(CORNERS))
+        order = np.argsort(cells)
+        cells, block = cells[order], block[order]
+        records, sums = np.zeros(len(cells)), np.zeros((len(cells), 3))
+        place = np.searchsorted(cells, self._cells)
+        records[place], sums[place] = self._records, self._sums
+        in_block = np.bincount(of_record, self._records, len(blocks))
+        around = np.stack([np.bincount(of_record, channel, len(blocks)) / in_block for channel in self._sums.T], axis=1)
+        size = max(len(cells), FEWEST_ENTRIES)
+        means, known = aligned_empty((size, 4)), np.zeros(size, np.uint64)
+        means[:] = 0.0
+        means[: len(cells), :3] = sums + NEIGHBOURS_COUNT * around[block]
+        means[: len(cells), :3] /= (records + NEIGHBOURS_COUNT)[:, None]
+        known[: len(cells)] = cells
+        self._means = mi.Float(means.reshape(-1))
+        self._known = mi.UInt64(aligned(known, np.uint64))
+        self._count = dr.opaque(mi.UInt32, len(cells))
+        self._widest_step = dr.opaque(mi.UInt32, 1 << (size.bit_length() - 1))
+
+
+def _facing(normal: mi.Vector3f) -> mi.UInt32:
+    """Which side of a cube a normal points to, 1 to 6."""
+    size = dr.abs(normal)
+    axis = dr.select(size.x > dr.maximum(size.y, size.z), 0, dr.select(size.y > size.z, 1, 2))
+    along = dr.select(axis == 0, normal.x, dr.select(axis == 1, normal.y, normal.z))
+    return mi.UInt32(1) + mi.UInt32(axis) + dr.select(along > 0.0, mi.UInt32(3), mi.UInt32(0))

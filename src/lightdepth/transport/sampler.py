@@ -1,0 +1,119 @@
+"""Random numbers for one camera path: well spread over a pixel's samples where it pays, independent elsewhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import drjit as dr
+import mitsuba as mi
+
+DIMENSIONS = {"film": (0, 1), "light": (2,), "candidate": (3,), "direction": (4, 5, 6), "lens": (7, 8)}
+"""Dimensions of the sequence by what they are for."""
+POLYNOMIALS = (
+    (1, 0, (1,)),
+    (2, 1, (1, 3)),
+    (3, 1, (1, 3, 1)),
+    (3, 2, (1, 1, 1)),
+    (4, 1, (1, 1, 3, 3)),
+    (4, 4, (1, 3, 5, 13)),
+    (5, 2, (1, 1, 5, 5, 17)),
+    (5, 4, (1, 1, 5, 5, 5)),
+)
+"""Degree, coefficients and first numbers of Sobol's dimensions from 1 on, by Joe and Kuo 2008."""
+BITS = 16
+"""Of a sample's index that one sequence serves; every 2^16 samples another begins."""
+
+
+@dataclass
+class Sampler:
+    """Random numbers of a path.
+
+    The first scattering decides most of a pixel's noise, so its choices, with the place on the film, are the dimensions
+    of one Sobol sequence along the pixel's samples, shuffled and scrambled from pixel to pixel (Owen 1995); all later
+    choices are independent.
+
+    Attributes:
+        generator: independent numbers.
+        pixel: of the path.
+        index: of the path's sample within its pixel.
+    """
+
+    generator: mi.PCG32
+    pixel: mi.UInt32
+    index: mi.UInt32
+
+    def next_1d(self, active: mi.Bool | bool = True) -> mi.Float:
+        """An independent number, uniform in [0, 1)."""
+        return self.generator.next_float32(active)
+
+    def direction(self, first: mi.Bool, active: mi.Bool) -> tuple[mi.Float, mi.Float, mi.Float]:
+        """Three numbers to draw a direction with, well spread at the ``first`` scattering."""
+        x, y, z = self.stratified("direction")
+        choice = dr.select(first, x, self.next_1d(active))
+        return choice, dr.select(first, y, self.next_1d(active)), dr.select(first, z, self.next_1d(active))
+
+    def stratified(self, name: str) -> list[mi.Float]:
+        """Numbers in [0, 1) that are well spread over the pixel's samples.
+
+        Args:
+            name: what they are for, a key of ``DIMENSIONS``.
+        """
+        sequence, shuffle = mi.sample_tea_32(self.pixel, self.index >> BITS)
+        index = dr.brev(_scrambled(dr.brev(self.index & ((1 << BITS) - 1)), shuffle))
+        numbers = []
+        for dimension in DIMENSIONS[name]:
+            scramble, _ = mi.sample_tea_32(sequence, mi.UInt32(dimension))
+            digits = dr.brev(_scrambled(_reversed_sobol(index, dimension), scramble))
+            numbers.append(mi.Float(digits >> 8) * (1.0 / 2**24))
+        return numbers
+
+
+def begin_path(pixel: mi.UInt32, index: mi.UInt32, seed: mi.UInt32) -> Sampler:
+    """Random numbers for sample ``index`` of ``pixel``; the same arguments give the same numbers."""
+    first, second = mi.sample_tea_32(pixel, index)
+    third, fourth = mi.sample_tea_32(seed, mi.UInt32(0))
+    generator = mi.PCG32()
+    generator.seed(mi.UInt64(first ^ third), mi.UInt64(second ^ fourth))
+    return Sampler(generator, pixel ^ third, index)
+
+
+def _scrambled(digits: mi.UInt32, seed: mi.UInt32) -> mi.UInt32:
+    """A random permutation that changes each bit by the lower ones alone: Laine and Karras 2011, as Vegdahl 2021 has it.
+
+    Of binary digits in reverse order it is the scrambling of Owen 1995, in which each depends on those before it.
+    """
+    digits = digits ^ (digits * 0x3D20ADEA)
+    digits = (digits + seed) * ((seed >> 16) | 1)
+    digits ^= digits * 0x05526C56
+    return digits ^ (digits * 0x53A22864)
+
+
+def _reversed_sobol(index: mi.UInt32, dimension: int) -> mi.UInt32:
+    """Binary digits of points of the Sobol sequence, the first in the lowest bit."""
+    if dimension == 0:
+        return index & ((1 << BITS) - 1)
+    digits = mi.UInt32(0)
+    for bit, number in enumerate(_direction_numbers(*POLYNOMIALS[dimension - 1])):
+        digits = dr.select((index & (1 << bit)) != 0, digits ^ number, digits)
+    return digits
+
+
+@cache  # Every kernel that is traced asks for them.
+def _direction_numbers(degree: int, coefficients: int, first: tuple[int, ...]) -> tuple[int, ...]:
+    """What each bit of an index changes in a dimension's binary digits, the first of these in the lowest bit.
+
+    Args:
+        degree: of the dimension's polynomial.
+        coefficients: its inner ones as bits, that of the second highest power first.
+        first: the numbers that its recurrence begins with, as many as its degree.
+    """
+    numbers = list(first)
+    for bit in range(degree, BITS):
+        number = numbers[bit - degree] ^ (numbers[bit - degree] << degree)
+        for power in range(1, degree):
+            if coefficients >> (degree - 1 - power) & 1:
+                number ^= numbers[bit - power] << power
+        numbers.append(number)
+    # The n-th has n + 1 digits, which are the first ones behind the point.
+    return tuple(int(f"{number:0{bit + 1}b}"[::-1], 2) for bit, number in enumerate(numbers))

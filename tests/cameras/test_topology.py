@@ -1,0 +1,110 @@
+"""Which pixel lies beyond an edge: the one whose ray continues the picture there."""
+
+import numpy as np
+import pytest
+
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+import mitsuba as mi  # noqa: E402
+
+from lightdepth.cameras import Cubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective  # noqa: E402
+from lightdepth.cameras.topology import Rectangle  # noqa: E402
+from lightdepth.directions import pixel_directions  # noqa: E402
+
+
+def directions_of(camera):
+    """Of the rays through all pixel centres, camera space, shape (height, width, 3)."""
+    width, height = camera.resolution
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
+    film = mi.Point2f(x.ravel().astype(np.float32), y.ravel().astype(np.float32))
+    _, direction, _ = camera.camera_rays(film, mi.Point2f(0.5))
+    return direction.numpy().T.reshape(height, width, 3)
+
+
+def test_a_panorama_goes_on_around_its_seam_and_over_its_poles():
+    camera = Equirectangular(type="equirectangular", width=24)
+    (chart,) = camera.topology.charts
+    window = camera.topology.window(chart, chart, 5)
+    found = window.cut(directions_of(camera))
+    # The formulas of the projection, taken beyond the film.
+    theta = np.pi * (np.arange(-5, 17) + 0.5)[:, None] / 12
+    phi = 2 * np.pi * ((np.arange(-5, 29) + 0.5)[None, :] / 24 - 0.5)
+    expected = np.stack(
+        np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.sin(theta) * np.cos(phi), np.cos(theta)), -1
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-5)
+    np.testing.assert_array_equal(found[window.inner], directions_of(camera))
+
+
+@pytest.mark.parametrize(
+    "camera", [Fisheye(type="fisheye", width=24), Perspective(type="perspective", width=30, height=20)]
+)
+def test_a_picture_with_edges_ends_there(camera):
+    topology = camera.topology
+    (chart,) = topology.charts
+    image = directions_of(camera)
+    np.testing.assert_array_equal(topology.window(chart, chart, 4).cut(image), image)
+    window = topology.window(chart, Rectangle(3, 16, 0, 10), 4)
+    np.testing.assert_array_equal(window.cut(image), image[:20, :14])
+    np.testing.assert_array_equal(window.cut(image)[window.inner], image[3:16, :10])
+
+
+def test_pixels_of_a_panorama_lie_where_the_photographs_do():
+    camera = Equirectangular(type="equirectangular", width=24)
+    np.testing.assert_allclose(directions_of(camera), pixel_directions(12, 24), atol=1e-6)
+
+
+@pytest.mark.parametrize("layout", ["top-bottom", "side-by-side"])
+def test_the_views_of_two_eyes_are_panoramas_each_by_itself(layout):
+    camera = OmnidirectionalStereo(type="ods", width=48, layout=layout)
+    image = directions_of(camera)
+    single = Equirectangular(type="equirectangular", width=camera.topology.charts[0].width)
+    (whole,) = single.topology.charts
+    expected = single.topology.window(whole, whole, 3).cut(directions_of(single))
+    assert camera.topology.views == ("left", "right")
+    for chart in camera.topology.charts:
+        np.testing.assert_allclose(camera.topology.window(chart, chart, 3).cut(image), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("layout", ["strip", "3x2"])
+def test_faces_of_a_cube_go_on_in_their_planes(layout):
+    camera = Cubemap(type="cubemap", width=96 if layout == "3x2" else 192, layout=layout)
+    image, size, margin = directions_of(camera), 32, 12
+    for chart in camera.topology.charts:
+        window = camera.topology.window(chart, chart, margin)
+        found = window.cut(image)
+        np.testing.assert_array_equal(found[window.inner], image[chart.slices])
+        # The face's picture plane, known from three of its pixels, and continued by the margin.
+        corner, right, down = (
+            image[chart.slices][i, j] / image[chart.slices][i, j].dot(_normal(image[chart.slices]))
+            for i, j in ((0, 0), (0, 1), (1, 0))
+        )
+        steps = np.arange(-margin, size + margin)
+        plane = corner + steps[None, :, None] * (right - corner) + steps[:, None, None] * (down - corner)
+        plane /= np.linalg.norm(plane, axis=-1, keepdims=True)
+        # The nearest pixel of the neighbour: at most half a pixel's diagonal away.
+        angle = np.arccos(np.clip(np.sum(plane * found, axis=-1), -1, 1))
+        assert angle.max() < np.sqrt(2) / size * 1.02
+
+
+def _normal(face):
+    """The direction of a face's middle."""
+    middle = face.mean(axis=(0, 1))
+    return middle / np.linalg.norm(middle)
+
+
+def test_a_cubes_faces_lie_as_ffmpeg_has_them():
+    """The filter v360's order "rludfb", each seen from inside; up and down have the front at their bottom and top."""
+    image = directions_of(Cubemap(type="cubemap", width=30))
+    middles = {"r": (5, 5), "l": (5, 15), "u": (5, 25), "d": (15, 5), "f": (15, 15), "b": (15, 25)}
+    wanted = {"r": (1, 0, 0), "l": (-1, 0, 0), "u": (0, 0, 1), "d": (0, 0, -1), "f": (0, 1, 0), "b": (0, -1, 0)}
+    for name, (row, column) in middles.items():
+        face = image[row - 5 : row + 5, column - 5 : column + 5]
+        np.testing.assert_allclose(_normal(face), wanted[name], atol=1e-6)
+        if name in "rlfb":
+            assert (face[0, :, 2] > 0.4).all()
+    assert (image[9, 20:30, 1] > 0.4).all()
+    assert (image[10, 0:10, 1] > 0.4).all()
+    assert (image[15, 10:20, 0] > 0).tolist() == [False] * 5 + [True] * 5

@@ -1,0 +1,97 @@
+"""Point clouds as text of many makes."""
+
+import numpy as np
+import pytest
+
+from lightdepth.errors import InputError, InputWarning
+from lightdepth.reconstruction.point_cloud import read_points
+from lightdepth.reconstruction.point_text import read_text_points
+
+POINTS = np.round(np.random.default_rng(5).uniform(-4.0, 4.0, (150, 3)), 4)
+
+
+def rows(separator=" ", comma=False, before="", after=""):
+    lines = [before + separator.join(f"{value:.4f}" for value in point) + after for point in POINTS]
+    return [line.replace(".", ",") for line in lines] if comma else lines
+
+
+PLAIN = {
+    "spaces": rows(),
+    "tabs and a tail": rows("\t", after="\t128\t7\t9"),
+    "semicolons": rows(";"),
+    "semicolons and decimal commas": rows(";", comma=True),
+    "spaces and decimal commas": rows("  ", comma=True),
+    "commas": rows(", "),
+    "a title": ["Scan of the hall, 2024", *rows()],
+    "a header": ["X;Y;Z", *rows(";")],
+    "units in the header": ["Easting [m];Northing [m];Height [m];Code", *rows(";", after=";7")],
+    "a header with identifiers": ["Point,Code,X,Y,Z", *(f"P{i},7,{line}" for i, line in enumerate(rows(",")))],
+    "columns in another order": ["z y x", *(" ".join(reversed(line.split())) for line in rows())],
+    "a commented header": ["//Y X Z", *(" ".join(np.array(line.split())[[1, 0, 2]]) for line in rows())],
+    "comments": ["# made with care", *rows()[:70], "# and more", *rows()[70:], ""],
+    "a count": ["150", *rows(after=" 1 2 3")],
+    "several clouds": ["70", *rows()[:70], "80", *rows()[70:]],
+    "quotes": [f'"{line}"' for line in rows()],
+}
+
+
+@pytest.mark.parametrize("name", PLAIN)
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+def test_every_layout_is_read(tmp_path, name, encoding):
+    (tmp_path / "x.pts").write_bytes("\r\n".join(PLAIN[name]).encode(encoding))
+    np.testing.assert_array_equal(read_text_points(tmp_path / "x.pts"), POINTS)
+
+
+@pytest.mark.parametrize("start", ["P0001", "1001"])
+@pytest.mark.parametrize("separator", [" ", ";", ","])
+def test_identifiers_in_the_first_column_are_left_out(tmp_path, start, separator):
+    names = [f"P{i:04d}" if start[0] == "P" else str(1001 + i) for i in range(len(POINTS))]
+    lines = [f"{name}{separator}{line}" for name, line in zip(names, rows(separator), strict=True)]
+    (tmp_path / "x.txt").write_text("\n".join(lines))
+    with pytest.warns(InputWarning, match="first column is taken for identifiers"):
+        np.testing.assert_array_equal(read_text_points(tmp_path / "x.txt"), POINTS)
+
+
+def test_whole_numbers_are_coordinates(tmp_path):
+    """A grid of whole metres whose x counts up is no column of identifiers."""
+    grid = np.array([[i, i // 7, 3, 9] for i in range(120)])
+    np.savetxt(tmp_path / "x.xyz", grid, fmt="%d")
+    np.testing.assert_array_equal(read_text_points(tmp_path / "x.xyz"), grid[:, :3])
+
+
+def test_points_that_are_not_finite_are_counted(tmp_path):
+    lines = rows(",")
+    lines[3], lines[7], lines[9] = "nan,nan,nan", "1.0,,2.0", "inf,0,0"
+    (tmp_path / "x.csv").write_text("\n".join(lines))
+    with pytest.warns(InputWarning, match="x.csv: 3 of 150 points have no finite coordinates; they are left out"):
+        cloud = read_points(tmp_path / "x.csv")
+    np.testing.assert_array_equal(cloud.points, np.delete(POINTS, [3, 7, 9], axis=0))
+
+
+def test_a_file_that_is_cut_off_is_named(tmp_path):
+    (tmp_path / "x.pts").write_text("\n".join(["70", *rows()[:70], "90", *rows()[70:]]))
+    with pytest.warns(InputWarning, match="line 72 states 90 points, and 80 follow"):
+        assert len(read_text_points(tmp_path / "x.pts")) == 150
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("1.0 2.0", r"line 12 is '1.0 2.0'; numbers in its columns 1, 2, 3 are needed"),
+        ("1.0 two 3.0", r"line 12 is '1.0 two 3.0'"),
+        ("<html>", r"line 12 is '<html>'"),
+    ],
+)
+def test_a_line_that_is_no_point_is_named(tmp_path, line, message):
+    lines = rows()
+    lines[11] = line
+    (tmp_path / "x.xyz").write_text("\n".join(lines))
+    with pytest.raises(InputError, match=message):
+        read_text_points(tmp_path / "x.xyz")
+
+
+def test_a_file_without_points_is_named(tmp_path):
+    for content in ("", "3\n", "a b c\n"):
+        (tmp_path / "x.xyz").write_text(content)
+        with pytest.raises(InputError, match=r"x.xyz: "):
+            read_points(tmp_path / "x.xyz")

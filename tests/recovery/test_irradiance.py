@@ -1,0 +1,94 @@
+"""Irradiance against the closed form, and how its recovery behaves."""
+
+import numpy as np
+import pytest
+
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+from lightdepth.directions import pixel_directions  # noqa: E402
+from lightdepth.place.place import Place  # noqa: E402
+from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
+from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
+from lightdepth.recovery.irradiance import estimate_irradiance  # noqa: E402
+from lightdepth.recovery.support_irradiance import recover_irradiance  # noqa: E402
+from tests.transport.places import CAPTURE, HIGH, LOW, box_depth, lamp_image, room  # noqa: E402
+
+LAMP_LOW, LAMP_HIGH, RADIANCE = np.array([-0.5, 0.2]), np.array([0.9, 1.1]), 20.0
+
+
+def corner_factor(a, b, height):
+    """Form factor of a rectangle with a corner straight above a parallel element: Hottel's closed form."""
+    x, y = a / height, b / height
+    return (
+        x / np.sqrt(1 + x**2) * np.arctan(y / np.sqrt(1 + x**2))
+        + y / np.sqrt(1 + y**2) * np.arctan(x / np.sqrt(1 + y**2))
+    ) / (2 * np.pi)
+
+
+def closed_form(point):
+    """Irradiance on the floor under the lamp."""
+    low, high, height = LAMP_LOW - point[:2], LAMP_HIGH - point[:2], HIGH[2] - point[2]
+
+    def to(x, y):
+        return np.sign(x) * np.sign(y) * corner_factor(abs(x), abs(y), height)
+
+    factor = to(high[0], high[1]) - to(low[0], high[1]) - to(high[0], low[1]) + to(low[0], low[1])
+    return np.pi * RADIANCE * factor
+
+
+def lamp_panorama(width=1024, oversampling=8):
+    """A black room whose ceiling holds a rectangular lamp, each pixel the mean over its solid angle."""
+    fine = pixel_directions(width // 2 * oversampling, width * oversampling)
+    at = CAPTURE + fine * box_depth(fine)[..., None]
+    on = (np.abs(at[..., 2] - HIGH[2]) < 1e-6) & ((at[..., :2] > LAMP_LOW) & (at[..., :2] < LAMP_HIGH)).all(axis=-1)
+    share = on.reshape(width // 2, oversampling, width, oversampling).mean(axis=(1, 3))
+    return np.repeat((RADIANCE * share)[..., None], 3, axis=2).astype(np.float32)
+
+
+def test_irradiance_under_a_rectangular_lamp_is_the_closed_form():
+    scene = room(lamp_panorama(), rotation=(0.0, 0.0, 0.0))
+    place = Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)))
+    points = np.array([[0.2, 0.6, 0.0], [1.5, -1.0, 0.0], [-1.6, 2.4, 0.0], [2.2, 2.7, 0.0], [-1.5, -2.0, 0.0]])
+    normals = np.tile(np.float32([0.0, 0.0, 1.0]), (len(points), 1))
+    found, _ = estimate_irradiance(place, points.astype(np.float32), normals, np.random.default_rng(1), 1 << 16)
+    np.testing.assert_allclose(found[:, 1], [closed_form(point) for point in points], rtol=0.005)
+
+
+def test_without_depth_it_is_far_off():
+    scene = room(lamp_panorama(256, 4), rotation=(0.0, 0.0, 0.0))
+    place = Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), infinite=True)
+    point = np.array([[-1.6, 2.4, 0.0]], np.float32)
+    found, _ = estimate_irradiance(place, point, np.float32([[0, 0, 1]]), np.random.default_rng(1), 1 << 14)
+    assert abs(found[0, 1] / closed_form(point[0]) - 1) > 0.2
+
+
+def test_coarse_support_is_refined_until_the_irradiance_fits():
+    scene = room(lamp_image(128))
+    surfaces = merge_real_surfaces(scene.real)
+    place = Place(scene.panorama, TracedSurfaces(surfaces))
+    refined, errors = recover_irradiance(place, surfaces, np.random.default_rng(2), 1024)
+    report = errors.report([(np.array([0.3, 1.2, 0.4]), 0.4)])
+    assert len(surfaces.faces) == 12
+    assert report.vertices > 200
+    assert report.mean_error < 0.015
+    # The same surface still: nothing moved out of the box's planes, and the area is the same.
+    at = refined.vertices[refined.faces].reshape(-1, 3)
+    assert (np.isclose(at, LOW, atol=1e-5) | np.isclose(at, HIGH, atol=1e-5)).any(axis=1).all()
+    size = HIGH - LOW
+    area = 2 * (size[0] * size[1] + size[1] * size[2] + size[0] * size[2])
+    corners = refined.vertices[refined.faces].astype(float)
+    found = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum()
+    assert found == pytest.approx(area, rel=1e-5)
+
+
+def test_support_is_wound_to_face_the_capture_point():
+    scene = room(lamp_image(64))
+    surfaces = merge_real_surfaces(scene.real)
+    inside_out = surfaces.__class__(**{**surfaces.__dict__, "faces": surfaces.faces[:, ::-1].copy()})
+    place = Place(scene.panorama, TracedSurfaces(inside_out))
+    refined, _ = recover_irradiance(place, inside_out, np.random.default_rng(2), 1024)
+    corners = refined.vertices[refined.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert ((normals * (CAPTURE - corners.mean(axis=1))).sum(axis=1) > 0).all()

@@ -1,0 +1,172 @@
+"""What the capture point does not see: the far leg of an L-shaped room, whose walls no photograph shows."""
+
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench.places import l_shaped_room
+from bench.places.objects import Polished, ball
+from bench.truth import truth
+
+import lightdepth
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+import drjit as dr  # noqa: E402
+import mitsuba as mi  # noqa: E402
+
+from lightdepth.cameras import Perspective  # noqa: E402
+from lightdepth.kernel.variables import as_matrix, as_point  # noqa: E402
+from lightdepth.place.place import Place  # noqa: E402
+from lightdepth.place.real_surfaces import FaceKind, merge_real_surfaces  # noqa: E402
+from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
+from lightdepth.preparation import place as preparation  # noqa: E402
+from lightdepth.recovery.support_irradiance import recover_irradiance  # noqa: E402
+from lightdepth.recovery.unseen_albedo import recover_hidden  # noqa: E402
+from tests.transport.places import lamp_image, room  # noqa: E402
+
+WIDTH, SAMPLES = 48, 256
+PHOTOGRAPH = (256, 128)
+
+
+def looking(position, look_at, *objects, fov=70):
+    """The room with a camera of its own, and with objects."""
+    view = Perspective(
+        type="perspective", width=WIDTH, height=WIDTH * 3 // 4, fov=fov, position=position, look_at=look_at
+    )
+    return replace(l_shaped_room(), view=view, objects=objects)
+
+
+FAR_LEG = looking((2.7, 2.0, 1.3), (1.2, 4.5, 1.2))
+"""What this sees are mostly the corner wall and the far wall, of which the capture point sees nothing."""
+
+
+def photographed(scene):
+    real = merge_real_surfaces(scene.real)
+    return Place(scene.panorama, TracedSurfaces(real)), real
+
+
+def recovered(scene):
+    place, real = photographed(scene)
+    return recover_hidden(place, real, np.random.default_rng(1), 256)
+
+
+def look(place, view):
+    """Rays through the pixels' centres: what they hit, which of it the capture point does not see, and M there."""
+    width, height = view.camera.resolution
+    index = dr.arange(mi.UInt32, width * height)
+    film = (mi.Point2f(index % width, index // width) + 0.5) / mi.Point2f(width, height)
+    origin, direction, _ = view.camera.camera_rays(film, mi.Point2f(0.5))
+    direction = as_matrix(view.rotation) @ direction
+    ray = mi.Ray3f(mi.Point3f(mi.Vector3f(origin) + mi.Vector3f(as_point(view.position))), direction)
+    hit = place.surfaces.first_real(ray, mi.Bool(True))
+    _, hidden, _ = place.photograph.sight(mi.Vector3f(hit.point), hit.normal)
+    ray = mi.Ray3f(mi.Point3f(0.0), direction)
+    radiance, pdf, _ = place.photograph.arriving(ray, hit, hit.distance, mi.Bool(True))
+    return hit, hidden.numpy(), radiance.numpy().T, pdf.numpy()
+
+
+@pytest.fixture(scope="module")
+def far_leg():
+    return FAR_LEG.scene(*PHOTOGRAPH, view_width=WIDTH)
+
+
+def error(found, wanted, chosen):
+    """Of the mean, and RMS of that of single pixels without the truth's own noise, both relative."""
+    found, mean, variance = (
+        image.reshape(-1, 3)[chosen.reshape(-1)] for image in (found, wanted.mean, wanted.variance)
+    )
+    squared = np.mean((found - mean) ** 2 - variance)
+    return abs(found.mean() / mean.mean() - 1.0), np.sqrt(max(squared, 0.0)) / mean.mean()
+
+
+def test_hidden_walls_have_the_radiance_that_they_have(far_leg):
+    wanted = truth(FAR_LEG, "view", WIDTH, SAMPLES, objects=False)
+    place, _ = recovered(far_leg)
+    _, hidden, radiance, pdf = look(place, far_leg.cameras["view"])
+    assert hidden.mean() > 0.5
+    assert (pdf[hidden] == 0.0).all()
+    of_mean, rms = error(radiance, wanted, hidden)
+    assert of_mean < 0.04
+    assert rms < 0.16
+    # What stands before them is no likeness of them.
+    _, _, before, _ = look(photographed(far_leg)[0], far_leg.cameras["view"])
+    assert error(before, wanted, hidden)[1] > 0.4
+
+
+def test_what_is_seen_is_the_photograph_bit_by_bit(far_leg):
+    """From a camera that sees lamps, both legs, and faces of which the capture point sees a part."""
+    view = looking((2.0, 0.2, 0.8), (2.0, 3.0, 1.5), fov=110).camera("view", 96)
+    place, _ = recovered(far_leg)
+    assert place.surfaces.knows_unseen
+    plain = place.with_surfaces(copy(place.surfaces))
+    plain.surfaces.knows_unseen = False
+    (_, hidden, after, pdf_after), (_, _, before, pdf_before) = look(place, view), look(plain, view)
+    assert 0.1 < hidden.mean() < 0.9
+    np.testing.assert_array_equal(after[~hidden], before[~hidden])
+    np.testing.assert_array_equal(pdf_after, pdf_before)
+    assert (after != before)[hidden].any(axis=1).mean() > 0.95
+
+
+def test_hidden_environment_stays_environment_and_hidden_support_has_the_albedo_of_what_is_seen(far_leg):
+    place, real = recovered(far_leg)
+    modelled = merge_real_surfaces(far_leg.real)
+    known = real.unseen_albedo.any(axis=1)
+    assert set(np.unique(real.kind[known])) == {FaceKind.ENVIRONMENT, FaceKind.SUPPORT}
+    assert (real.kind == FaceKind.SUPPORT).sum() == (modelled.kind == FaceKind.SUPPORT).sum()
+    centre = real.vertices[real.faces].mean(axis=1)
+    on_far_wall = known & np.isclose(centre[:, 1], 4.5)
+    np.testing.assert_allclose(real.unseen_albedo[on_far_wall].mean(axis=0), (0.66, 0.64, 0.58), rtol=0.07)
+    refined, _ = recover_irradiance(place, real, np.random.default_rng(2), 256)
+    final = place.with_surfaces(TracedSurfaces(refined))
+    hit, hidden, _, _ = look(final, looking((1.9, 2.0, 1.3), (1.9, 4.2, 0.0)).camera("view", WIDTH))
+    on_floor = hidden & (hit.kind.numpy() == FaceKind.SUPPORT) & (np.abs(hit.point.numpy()[2]) < 1e-4)
+    assert on_floor.sum() > 50
+    ratio = (
+        np.pi * final.photograph.surface_radiance(hit, mi.Bool(True)) / final.surfaces.irradiance(hit, mi.Bool(True))
+    )
+    np.testing.assert_allclose(ratio.numpy().T[on_floor].mean(axis=0), (0.35, 0.33, 0.3), rtol=0.07)
+
+
+def test_hidden_glow_is_not_taken_for_reflected_light(far_leg):
+    """A lamp that is half hidden keeps the photograph's value, which at least is not that of a wall."""
+    place, real = photographed(far_leg)
+    _, known = recovered(far_leg)
+    lamps = [surface for surface in far_leg.real if surface.name.startswith("lamp")]
+    at = np.concatenate([surface.mesh.vertices for surface in lamps]).reshape(-1, 4, 3).mean(axis=1)
+    centres = known.vertices[known.faces].mean(axis=1)
+    on_lamp = (np.abs(centres[:, None] - at).max(axis=2) < 0.06).any(axis=1)
+    assert on_lamp.sum() >= 2 * len(lamps)
+    seen = place.photograph.sight(mi.Vector3f(centres[on_lamp].T), mi.Vector3f(0.0, 0.0, 1.0))[0].numpy()
+    assert not known.unseen_albedo[on_lamp][seen].any()
+
+
+def test_where_nothing_is_hidden_nothing_is_done():
+    scene = room(lamp_image(64))
+    place, real = photographed(scene)
+    generator = np.random.default_rng(1)
+    known = recover_hidden(place, real, generator, 256)
+    assert known[0] is place
+    assert known[1] is real
+    assert generator.random() == np.random.default_rng(1).random()
+
+
+def test_a_mirror_in_the_far_leg_shows_its_walls(monkeypatch):
+    mirror = Polished(color=(0.9, 0.9, 0.9), roughness=0.1)
+    place = looking((2.3, 2.0, 1.0), (1.7, 3.2, 0.5), ball("mirror", (1.7, 3.2), 0.5, mirror), fov=50)
+    wanted = truth(place, "view", WIDTH, SAMPLES)
+    inside = wanted.coverage == 1.0  # By the median there, since in the lamps' reflections pixels are all or nothing.
+
+    def missing():
+        lightdepth.api.forget_prepared()
+        scene = place.scene(*PHOTOGRAPH, view_width=WIDTH)
+        scene = replace(scene, render=replace(scene.render, irradiance_samples=256))
+        frame = lightdepth.render(scene, "view", samples=32)
+        return np.median(np.abs(frame.synthetic - wanted.mean)[inside])
+
+    with_hidden = missing()
+    monkeypatch.setattr(preparation, "recover_hidden", lambda place, surfaces, *_: (place, surfaces))
+    without = missing()
+    assert with_hidden < 0.5 * without

@@ -1,0 +1,209 @@
+"""Sessions: what they report, how they are steered, and that steering does not change the picture."""
+
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+import lightdepth  # noqa: E402
+from lightdepth.api import forget_prepared  # noqa: E402
+from lightdepth.errors import InputError  # noqa: E402
+from lightdepth.film import rendering as rendering_module  # noqa: E402
+from lightdepth.film.layers import read_frame  # noqa: E402
+from lightdepth.session import events  # noqa: E402
+from lightdepth.session.displays import ExrDisplay, MemoryDisplay, PngDisplay  # noqa: E402
+from lightdepth.session.events import Caution, Done, Failure, Hello, Picture, Progress, Stage  # noqa: E402
+from lightdepth.session.session import Job, Session  # noqa: E402
+from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
+
+PATIENCE = 120.0
+"""Seconds after which a test has failed."""
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return room(lamp_image(128), [ball(GREY)])
+
+
+@pytest.fixture
+def small_passes(monkeypatch):
+    monkeypatch.setattr(rendering_module, "PATHS", 1 << 12)
+
+
+class Watched(Session):
+    """A session with everything that it reports, and a display in memory."""
+
+    def __init__(self, scene, **options):
+        super().__init__(scene, **options)
+        self.told, self.shown = [], MemoryDisplay()
+        self._news = threading.Condition()
+        self.on(self._note)
+        self.display(self.shown)
+
+    def _note(self, event):
+        with self._news:
+            self.told.append(event)
+            self._news.notify_all()
+
+    def until(self, kind, count=1):
+        """Wait until so many events of a kind have come."""
+        with self._news:
+            enough = self._news.wait_for(lambda: sum(isinstance(e, kind) for e in self.told) >= count, PATIENCE)
+        assert enough, self.told
+
+    def stages(self):
+        return [event.stage for event in self.told if isinstance(event, Stage)]
+
+
+def plain(scene, samples, camera="view"):
+    return lightdepth.render(scene, camera, samples).beauty.tobytes()
+
+
+def test_a_session_reports_its_stages_and_shows_the_picture_of_render(scene, tmp_path):
+    session = Watched(scene)
+    session.display(ExrDisplay(tmp_path / "made" / "x.exr", ["depth"]))
+    session.display(PngDisplay(tmp_path / "made" / "x.png"))
+    done = session.run(Job("view", 8, preview_seconds=0.0))
+    assert replace(done, exposure=None) == Done(str(tmp_path / "made" / "x.exr"))
+    assert done == session.told[-1]
+    assert session.stages() == ["preparing", "rendering", "writing"]
+    assert session.told[-2] == Picture(done.file, finished=True)
+    assert any(event == Picture(done.file, finished=False) for event in session.told)
+    assert [event for event in session.told if isinstance(event, Progress)][-1].fraction == 1.0
+    assert session.shown.finished
+    assert session.shown.frame.beauty.tobytes() == plain(scene, 8)
+    assert sorted(path.name for path in (tmp_path / "made").iterdir()) == ["x.exr", "x.png"]
+    assert session.shown.frame.depth is not None  # one of the displays wanted it
+    with pytest.raises(InputError, match="lacks the parts"):
+        read_frame(tmp_path / "made" / "x.exr")
+
+
+def test_a_paused_session_waits_and_goes_on_to_the_same_picture(scene, small_passes):
+    session = Watched(scene)
+    first = None
+
+    def pause_once(event):
+        nonlocal first
+        if first is None and isinstance(event, Progress):
+            first = event
+            session.pause()
+
+    session.on(pause_once)
+    session.start(Job("view", 32))
+    session.until(Progress)
+    assert not session.wait(0.5)
+    assert sum(isinstance(event, Progress) for event in session.told) == 1
+    session.resume()
+    assert session.wait(PATIENCE)
+    assert session.shown.frame.beauty.tobytes() == plain(scene, 32)
+
+
+def test_a_cancelled_session_shows_what_it_has_and_can_go_on(scene, small_passes):
+    session = Watched(scene)
+    session.start(Job("view", 64))
+    session.until(Progress, 3)
+    session.cancel()
+    assert session.wait(PATIENCE)
+    assert session.told[-1] == Done(None, interrupted=True)
+    assert 0 < session.shown.frame.samples.mean() < 64
+    session.start(Job("view", 64))
+    assert session.wait(PATIENCE)
+    assert session.stages().count("preparing") == 1
+    assert session.shown.frame.beauty.tobytes() == plain(scene, 64)
+
+
+def test_more_samples_can_be_asked_for_while_it_renders_and_afterwards(scene, small_passes):
+    session = Watched(scene)
+    session.start(Job("view", 1_000_000))
+    session.until(Progress, 2)
+    session.set_samples(16)
+    assert session.wait(PATIENCE)
+    assert session.shown.frame.samples.mean() == pytest.approx(16, rel=0.3)
+    session.set_samples(48)
+    assert session.wait(PATIENCE)
+    assert session.shown.frame.samples.mean() == pytest.approx(48, rel=0.05)
+    assert session.stages().count("preparing") == 1
+    with pytest.raises(InputError, match="at least 1"):
+        session.set_samples(0)
+
+
+def test_a_changed_scene_begins_again(scene, small_passes):
+    other = replace(scene, synthetic=(ball(GREY, (-0.5, 1.0, 0.3), 0.3),))
+    session = Watched(scene)
+    session.start(Job("view", 1_000_000))
+    session.until(Progress, 2)
+    session.set_samples(8)
+    session.reset(other)
+    assert session.wait(PATIENCE)
+    assert sum(isinstance(event, Done) for event in session.told) == 1
+    assert session.shown.frame.beauty.tobytes() == plain(other, 8)
+
+
+def test_it_can_be_cancelled_while_it_prepares(scene):
+    forget_prepared()
+    slow = replace(scene, render=replace(scene.render, irradiance_samples=1 << 16))
+    session = Watched(slow)
+    session.start(Job("view", 8))
+    session.until(Stage)
+    time.sleep(0.5)
+    assert session.running
+    session.cancel()
+    assert session.wait(PATIENCE)
+    assert session.told[-1] == Done(None, interrupted=True)
+    assert session.stages() == ["preparing"]
+    assert session.shown.frame is None
+
+
+def test_a_region_comes_first(scene, small_passes):
+    session = Watched(scene)
+    samples = []
+
+    class Keep(MemoryDisplay):
+        def show(self, frame, panoramic, finished):
+            samples.append(frame.samples)
+
+    session.display(Keep())
+    session.run(Job("view", 32, region=(8, 4, 24, 20), preview_seconds=0.0))
+    outside = samples[0].copy()
+    outside[4:20, 8:24] = 0
+    assert samples[0].any()
+    assert not outside.any()
+    assert samples[-1].mean() == pytest.approx(32, rel=0.05)
+
+
+def test_what_goes_wrong_in_a_thread_is_reported(scene):
+    session = Watched(scene)
+    session.start(Job("veiw", 8))
+    assert session.wait(PATIENCE)
+    assert session.told[-1] == Failure("scene: no camera 'veiw'; it has pano, dome, view")
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        Hello("1.0"),
+        Stage("preparing"),
+        Progress(0.5, 4.0, 0.1, 3.0),
+        Picture("x.exr", True),
+        Caution("careful"),
+        Failure("no"),
+        Done("x.exr", True),
+    ],
+    ids=lambda event: event.kind,
+)
+def test_events_travel_as_json(event):
+    assert events.from_json(event.to_json(id="7")) == event
+    assert "\n" not in event.to_json()
+
+
+def test_events_of_other_versions_are_ignored_and_nonsense_is_not():
+    assert events.from_json('{"event": "invented later"}') is None
+    assert events.from_json('{"event": "stage", "stage": "writing", "more": 1}') == Stage("writing")
+    for line in ("hello", "[]", '{"event": "stage"}', "{}"):
+        with pytest.raises(InputError, match="not an event"):
+            events.from_json(line)
