@@ -10,7 +10,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
-
 from session import add_camera, add_lamp, answer, as_exr, begin, corners, cycles, refused, write_panorama
 
 SCENES = {}
