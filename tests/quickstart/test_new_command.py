@@ -94,3 +94,15 @@ def test_what_cannot_be_used_is_refused_and_nothing_is_written(command, field, t
         assert words in err
         assert not (tmp_path / "x.toml").exists()
         assert not (tmp_path / "x").exists()
+
+
+def test_impossible_radiance_is_replaced_with_a_word(command, tmp_path):
+    radiance = meadow(32)
+    radiance[3, 5] = np.nan
+    write_radiance(tmp_path / "spoilt.exr", radiance)
+    status, _, err = command("new", tmp_path / "spoilt.exr", "-o", tmp_path / "s.toml", "--no-draft", "--place", "dome")
+    assert status == 0
+    assert "1 pixel has NaN radiance" in err
+    assert "--repair" in err
+    assert "as asked for; a dome" in err
+    assert {surface.name for surface in load_scene(tmp_path / "s.toml", repair=True).real} == {"floor", "dome"}
