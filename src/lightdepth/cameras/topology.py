@@ -43,31 +43,23 @@ class Window:
 
     Attributes:
         rectangle: the part of the film that is wanted.
-        rows: which row of the film each pixel of the window shows, broadcastable to its shape.
-        columns: likewise which column.
+        shape: height and width of the window.
         inner: where the rectangle lies in the window.
+        margins: the rest of the window in strips: where each lies in it, and which rows and columns of the film it
+            shows, broadcastable to its shape.
     """
 
     rectangle: Rectangle
-    rows: Indices
-    columns: Indices
+    shape: tuple[int, int]
     inner: tuple[slice, slice]
+    margins: tuple[tuple[tuple[slice, slice], Indices, Indices], ...]
 
     def cut(self, image: NDArray[Any]) -> NDArray[Any]:
         """The window's pixels of an image of shape (height, width, ...), a contiguous copy."""
-        shape = np.broadcast_shapes(self.rows.shape, self.columns.shape)
-        rows, columns = np.broadcast_to(self.rows, shape), np.broadcast_to(self.columns, shape)
-        down, across = self.inner
-        result = np.empty((*shape, *image.shape[2:]), image.dtype)
-        result[self.inner] = image[self.rectangle.slices]  # The margin alone needs to be looked up pixel by pixel.
-        everywhere = slice(None)
-        for strip in (
-            (slice(0, down.start), everywhere),
-            (slice(down.stop, None), everywhere),
-            (down, slice(0, across.start)),
-            (down, slice(across.stop, None)),
-        ):
-            result[strip] = image[rows[strip], columns[strip]]
+        result = np.empty((*self.shape, *image.shape[2:]), image.dtype)
+        result[self.inner] = image[self.rectangle.slices]
+        for strip, rows, columns in self.margins:
+            result[strip] = image[rows, columns]
         return result
 
 
@@ -107,12 +99,23 @@ class Topology(ABC):
         if not self.endless:
             top, bottom = max(top, chart.top), min(bottom, chart.bottom)
             left, right = max(left, chart.left), min(right, chart.right)
-        rows, columns = self.beyond(chart, np.arange(top, bottom)[:, None], np.arange(left, right)[None, :])
-        inner = (
-            slice(rectangle.top - top, rectangle.bottom - top),
-            slice(rectangle.left - left, rectangle.right - left),
-        )
-        return Window(rectangle, rows, columns, inner)
+        down = slice(rectangle.top - top, rectangle.bottom - top)
+        across = slice(rectangle.left - left, rectangle.right - left)
+        whole = slice(0, right - left)
+        strips = [(slice(0, down.start), whole), (slice(down.stop, bottom - top), whole)]
+        strips += [(down, slice(0, across.start)), (down, slice(across.stop, right - left))]
+        margins = [
+            (
+                (row, column),
+                *self.beyond(
+                    chart,
+                    top + np.arange(row.start, row.stop)[:, None],
+                    left + np.arange(column.start, column.stop)[None, :],
+                ),
+            )
+            for row, column in strips
+        ]
+        return Window(rectangle, (bottom - top, right - left), (down, across), tuple(margins))
 
 
 class Flat(Topology):

@@ -22,7 +22,7 @@ SUBPIXELS = 2
 """Points along each side of a pixel over which normal and albedo are averaged."""
 EDGE_SAMPLES = 32
 """Points in a pixel that shows an object's edge, by which the objects' coverage is measured;"""
-EDGES_AT_ONCE = 1 << 17
+EDGES_AT_ONCE = 1 << 15
 """and so many such pixels at a time, which bounds the memory."""
 
 
@@ -116,19 +116,18 @@ def _coverage(
     shares = [np.ones(len(inner), np.float32)]
     # In the pixel and on the lens; each coordinate takes all of its strata.
     points = Sobol(4, scramble=False).random(EDGE_SAMPLES) + 0.5 / EDGE_SAMPLES
+    spread = [mi.Float(aligned(part)) for part in points.T]
     edges = np.flatnonzero(edge).astype(np.uint32)
     for first in range(0, len(edges), EDGES_AT_ONCE):
         some = edges[first : first + EDGES_AT_ONCE]
-        pixel = mi.UInt32(aligned(some, np.uint32))
+        lane = dr.arange(mi.UInt32, len(some) * EDGE_SAMPLES)
+        pixel = dr.gather(mi.UInt32, mi.UInt32(aligned(some, np.uint32)), lane // EDGE_SAMPLES)
+        x, y, *lens = (dr.gather(mi.Float, part, lane % EDGE_SAMPLES) for part in spread)
         column, row = mi.Float(pixel % view.resolution[0]), mi.Float(pixel // view.resolution[0])
-        seen = np.empty((len(some), EDGE_SAMPLES), np.uint16)
-        for index, point in enumerate(points):
-            offset, lens = mi.Point2f(*map(float, point[:2])), mi.Point2f(*map(float, point[2:]))
-            dr.make_opaque(offset, lens)
-            rays = view.pixel_rays(column, row, offset, lens)
-            found = prepared.surfaces.all.ray_intersect_preliminary(rays.ray, coherent=True, active=rays.inside)
-            seen[:, index] = _shapes(prepared, found, rays.inside).numpy()
-        pairs, count = np.unique((np.arange(len(some))[:, None] << 16) | seen, return_counts=True)
+        rays = view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(*lens))
+        found = prepared.surfaces.all.ray_intersect_preliminary(rays.ray, coherent=True, active=rays.inside)
+        seen = _shapes(prepared, found, rays.inside).numpy().reshape(len(some), EDGE_SAMPLES)
+        pairs, count = np.unique((np.arange(len(some))[:, None] << 16) | seen.astype(np.int64), return_counts=True)
         there = (pairs & 0xFFFF) > 0
         pixels.append(some[pairs[there] >> 16])
         shapes.append(((pairs[there] & 0xFFFF) - 1).astype(np.uint32))
