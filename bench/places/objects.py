@@ -24,6 +24,7 @@ def rgb(color: Color) -> dict[str, Any]:
 class Matte(Material):
     """Lambertian of the given albedo."""
 
+    type: str = "matte"
     color: Color
 
     def plugins(self) -> dict[str, dict[str, Any]]:  # noqa: D102
@@ -33,6 +34,7 @@ class Matte(Material):
 class Polished(Material):
     """Metal without Fresnel effect: GGX with ``alpha = roughness ** 2``, tinted by ``color``; Cycles' Glossy BSDF."""
 
+    type: str = "polished"
     color: Color
     roughness: float
 
@@ -51,6 +53,7 @@ class Polished(Material):
 class Glowing(Material):
     """Lambertian emitter of the given radiance that reflects nothing."""
 
+    type: str = "glowing"
     radiance: Color
 
     def plugins(self) -> dict[str, dict[str, Any]]:  # noqa: D102
