@@ -191,7 +191,8 @@ def _foreign() -> Iterator[str]:
         yield (
             "Measured one by one with `python -m bench truth`. Their glossy floors and the sky behind their windows break "
             "the assumption that real surfaces look alike from everywhere. The methods get a sixteenth of the truth's "
-            "samples. In `living-room` the sun comes through windows whose sky the capture point does not see.\n"
+            "samples. In `living-room` much of the light at the objects is sky that the capture point does not see through "
+            "the windows.\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"

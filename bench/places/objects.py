@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def rgb(color: Color) -> dict[str, Any]:
 class Matte(Material):
     """Lambertian of the given albedo."""
 
-    type: str = "matte"
+    type: Literal["matte"] = "matte"
     color: Color
 
     def plugins(self) -> dict[str, dict[str, Any]]:  # noqa: D102
@@ -34,7 +34,7 @@ class Matte(Material):
 class Polished(Material):
     """Metal without Fresnel effect: GGX with ``alpha = roughness ** 2``, tinted by ``color``; Cycles' Glossy BSDF."""
 
-    type: str = "polished"
+    type: Literal["polished"] = "polished"
     color: Color
     roughness: float
 
@@ -53,7 +53,7 @@ class Polished(Material):
 class Glowing(Material):
     """Lambertian emitter of the given radiance that reflects nothing."""
 
-    type: str = "glowing"
+    type: Literal["glowing"] = "glowing"
     radiance: Color
 
     def plugins(self) -> dict[str, dict[str, Any]]:  # noqa: D102

@@ -147,8 +147,7 @@ def _facing_down(name, shape, to_world, scale) -> dict[str, Any]:
 def _spot(name, light, to_world, colour):
     """A shining disk with the intensity of a point lamp along its axis, in a black tube that cuts off the cone.
 
-    The tube's opening shows all of the disk within the angle where the lamp's blend begins, and nothing of it beyond
-    the cone.
+    The tube's opening shows half of the disk in the middle of the lamp's blend, and its rim is as wide as the blend.
     """
     radius, notes = _radius(name, light)
     notes.append(f"Light '{name}': a spot is a disk in a black tube, which is seen and casts shadows")
@@ -159,10 +158,12 @@ def _spot(name, light, to_world, colour):
         notes.append(f"Light '{name}': a spot so wide is a disk that shines to its whole front side")
         disk, tube_length = SMALLEST_SPOT * radius, 0.0
     else:
-        outer = math.tan(half)
-        inner = math.tan(math.acos(min(1.0, math.cos(half) + (1.0 - math.cos(half)) * light.spot_blend)))
-        disk = max((outer - inner) / (outer + inner), SMALLEST_SPOT) * radius
-        tube_length = (radius + disk) / outer
+        inner, middle, outer = (
+            math.tan(math.acos(min(1.0, math.cos(half) + (1.0 - math.cos(half)) * light.spot_blend * share)))
+            for share in (1.0, 0.5, 0.0)
+        )
+        disk = max(0.5 * (outer - inner) / middle, SMALLEST_SPOT) * radius
+        tube_length = radius / middle
     emitter = _emitter(colour, _sphere_radiance(light, radius) * (radius / disk) ** 2)
     tables = [_facing_down(name, "disk", to_world, (disk, disk, 1.0)) | {"material": emitter}]
     if tube_length:

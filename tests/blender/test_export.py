@@ -81,6 +81,13 @@ def test_materials_arrive_and_what_cannot_is_named(exported):
     assert not any("Plastic" in note or "Textured" in note or "Glass" in note for note in notes)
 
 
+def test_a_material_override_is_worn_by_every_new_object(exported):
+    folder, _ = exported
+    things = {thing.name: thing for thing in load_scene(folder / "override.toml").synthetic}
+    for name in ("Sphere", "Neon", "Tile"):
+        assert things[name].parts[0].material.base_color == pytest.approx((0.8, 0.1, 0.05), abs=1e-3)
+
+
 def test_exporting_leaves_the_file_as_it_was(exported):
     _, found = exported
     assert found["left as it was"] == [True] * 4

@@ -12,7 +12,7 @@ BLOCK = 4
 SAMPLES = 64
 MODELS = 0.02
 """Of the scene's mean radiance: what the two renderers' reflection models and texture filters may differ by."""
-ORDINARY = ["no_material", "clipped_image", "far_from_the_origin", "leaf_card"]
+ORDINARY = ["clipped_image", "far_from_the_origin"]
 """Scenes that the ordinary run looks at; the others are for ``pytest -m truth``."""
 
 

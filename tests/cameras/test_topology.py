@@ -69,24 +69,24 @@ def test_the_views_of_two_eyes_are_panoramas_each_by_itself(layout):
 
 
 @pytest.mark.parametrize("layout", ["strip", "3x2"])
-def test_faces_of_a_cube_go_on_in_their_planes(layout):
+def test_faces_of_a_cube_go_on_as_their_neighbours(layout):
     camera = Cubemap(type="cubemap", width=96 if layout == "3x2" else 192, layout=layout)
     image, size, margin = directions_of(camera), 32, 12
+    number = np.arange(image[..., 0].size).reshape(image.shape[:2])
     for chart in camera.topology.charts:
         window = camera.topology.window(chart, chart, margin)
-        found = window.cut(image)
+        found, pixels = window.cut(image), window.cut(number)
         np.testing.assert_array_equal(found[window.inner], image[chart.slices])
-        # The face's picture plane, known from three of its pixels, and continued by the margin.
-        corner, right, down = (
-            image[chart.slices][i, j] / image[chart.slices][i, j].dot(_normal(image[chart.slices]))
-            for i, j in ((0, 0), (0, 1), (1, 0))
-        )
-        steps = np.arange(-margin, size + margin)
-        plane = corner + steps[None, :, None] * (right - corner) + steps[:, None, None] * (down - corner)
-        plane /= np.linalg.norm(plane, axis=-1, keepdims=True)
-        # The nearest pixel of the neighbour: at most half a pixel's diagonal away.
-        angle = np.arccos(np.clip(np.sum(plane * found, axis=-1), -1, 1))
-        assert angle.max() < np.sqrt(2) / size * 1.02
+        for over_edge, which in ((found, pixels), (found.swapaxes(0, 1), pixels.swapaxes(0, 1))):
+            strip = over_edge[:, margin:-margin]
+            # From pixel to pixel, over the edges as well, no direction is farther than in the middle of a face.
+            step = np.linalg.norm(np.diff(strip, axis=0), axis=-1)
+            assert step.max() < 1.001 * 2 / size
+            assert step.min() > 0.3 * 2 / size
+            assert len(np.unique(which[:, margin:-margin])) == strip[..., 0].size
+        # Beyond the corners are pixels of the two neighbours there, far less than a face away.
+        corner = np.sum(found[:margin, :margin] * image[chart.slices][0, 0], axis=-1)
+        assert corner.min() > np.cos(2 * np.sqrt(2) * margin / size)
 
 
 def _normal(face):

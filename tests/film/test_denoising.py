@@ -1,25 +1,38 @@
 """Denoising: less error on the new layers, nothing else touched, no seams."""
 
 import sys
+from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 
-from lightdepth.cameras.topology import Flat, Rectangle, Spherical
-from lightdepth.directions import pixel_directions
-from lightdepth.errors import SetupError
-from lightdepth.film.denoising import _windows, denoise
-from lightdepth.film.frame import Frame
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+import mitsuba as mi  # noqa: E402
+
+from lightdepth.cameras import Cubemap, OmnidirectionalStereo  # noqa: E402
+from lightdepth.cameras.topology import Flat, Rectangle, Spherical  # noqa: E402
+from lightdepth.directions import pixel_directions  # noqa: E402
+from lightdepth.errors import SetupError  # noqa: E402
+from lightdepth.film.denoising import _windows, denoise  # noqa: E402
+from lightdepth.film.frame import Frame  # noqa: E402
 
 HEIGHT, WIDTH = 128, 256
 PANORAMA = Spherical((Rectangle(0, HEIGHT, 0, WIDTH),))
 
 
 def panorama_frame(noise=True, seed=11):
+    """A panorama of :func:`place_seen`."""
+    return place_seen(pixel_directions(HEIGHT, WIDTH), PANORAMA, noise, seed)
+
+
+def place_seen(direction, topology, noise=True, seed=11, contrast=0.4):
     """A striped floor with a soft shadow and a bright spot near the pole and across the seam, and one round object."""
     random = np.random.default_rng(seed)
-    direction = pixel_directions(HEIGHT, WIDTH)
-    stripes = 0.5 + 0.4 * np.sign(np.sin(40 * direction[..., 0]) * np.sin(40 * direction[..., 1]))
+    stripes = 0.5 + contrast * np.sign(np.sin(40 * direction[..., 0]) * np.sin(40 * direction[..., 1]))
     plate = (stripes[..., None] * [1.0, 0.8, 0.5]).astype(np.float32)
     below = direction[..., 2] < -0.2
     down, behind = direction @ [0.3, -0.6, -0.742], direction @ [-0.05, -0.8, -0.598]
@@ -41,7 +54,7 @@ def panorama_frame(noise=True, seed=11):
         np.ones(covered.shape, np.float32),
         normal=normal.astype(np.float32),
         albedo=np.where(covered[..., None], [0.9, 0.3, 0.2], plate).astype(np.float32),
-        topology=PANORAMA,
+        topology=topology,
     )
 
 
@@ -138,3 +151,45 @@ def test_a_missing_denoiser_is_told(monkeypatch):
     monkeypatch.setitem(sys.modules, "mitsuba_oidn", None)
     with pytest.raises(SetupError, match=r"pip install 'lightdepth\[denoise\]'"):
         denoise(panorama_frame())
+
+
+def directions_of(camera):
+    """Of the rays through all pixel centres, shape (height, width, 3)."""
+    width, height = camera.resolution
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
+    film = mi.Point2f(x.ravel().astype(np.float32), y.ravel().astype(np.float32))
+    return camera.camera_rays(film, mi.Point2f(0.5))[1].numpy().T.reshape(height, width, 3)
+
+
+def steps(image, topology):
+    """Differences of neighbouring pixels across the edges of charts, where neither is NaN."""
+    found = []
+    for chart in topology.charts:
+        wide = topology.window(chart, chart, 1).cut(image)
+        # Around a panorama's poles pixels of one row lie closer together than those of two.
+        for part in (wide[1:-1].swapaxes(0, 1), *([] if len(topology.charts) == 2 else [wide[:, 1:-1]])):
+            found += [part[1] - part[0], part[-1] - part[-2]]
+    return np.concatenate([values[np.isfinite(values)] for values in found])
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [Cubemap(type="cubemap", width=384), OmnidirectionalStereo(type="ods", width=256)],
+    ids=["cubemap", "stereo"],
+)
+def test_charts_meet_without_a_seam(denoised, camera):
+    """Across the edges of charts a twentieth of the noise is left at most; without topology, far more."""
+    direction, topology = directions_of(camera), camera.topology
+    noisy = place_seen(direction, topology, contrast=0.0)
+    truth = place_seen(direction, topology, noise=False, contrast=0.0)
+    changed = noisy.change.any(axis=2) & (direction[..., 2] < -0.25)
+    there = changed & (cv2.Laplacian(changed.astype(np.float32), -1) == 0)
+
+    def left(frame):
+        found = steps(np.where(there[..., None], (frame.change - truth.change) / truth.plate, np.nan), topology)
+        assert len(found) > 100
+        return rms(found)
+
+    assert left(denoise(noisy)) < 0.05 * left(noisy)
+    height, width = noisy.coverage.shape
+    assert left(denoise(replace(noisy, topology=Flat(width, height)))) > 0.1 * left(noisy)

@@ -3,7 +3,7 @@
 from tests.fuzz.campaign import run
 from tests.fuzz.seeds import seeds
 
-KINDS = ("mesh", "material", "texture", "scene", "document")
+KINDS = ("mesh", "material", "texture", "scene", "document", "image", "depth", "points")
 MUTANTS = 600
 
 

@@ -44,5 +44,6 @@ def meadow(height):
     grass = np.array([0.08, 0.14, 0.04]) * (0.7 + 0.6 * random.random(up.shape))[..., None]
     radiance = np.where(up[..., None] > 0, sky, grass)
     sun = np.array([0.5, 0.5, np.sqrt(0.5)])
-    radiance[directions @ sun > np.cos(np.radians(1.5))] = 3000.0
+    # Large enough for a pixel of any panorama to see it.
+    radiance[directions @ sun > np.cos(np.radians(3.0))] = 800.0
     return radiance.astype(np.float32)

@@ -6,6 +6,7 @@ import trimesh
 from PIL import Image
 
 from lightdepth.checks.sampling import object_mesh
+from lightdepth.images.exr import read_exr
 from lightdepth.images.radiance import write_radiance
 from lightdepth.scene.load import load_scene
 from tests.cli.room_folder import make_room
@@ -60,12 +61,20 @@ def test_the_open_gets_ground_sky_balls_and_a_picture(command, field, tmp_path):
     picture = np.asarray(Image.open(tmp_path / "f-view.png"))
     assert picture.shape[1] == scene.cameras["view"].camera.width
     assert (tmp_path / "f-view.exr").is_file()
-    # The sun throws a shadow: parts of the grass become much darker than any of the photograph.
-    from lightdepth.images.exr import read_exr
-
+    # The sun stands 45 degrees high to the right and behind: the chrome ball's shadow falls to its front and left, where
+    # the grass is darker than any in the photograph (0.098).
+    x, y, radius = (scene.synthetic[0].parts[0].geometry.to_world[i, 3] for i in range(3))
+    view = scene.cameras["view"]
+    across, forward, up = (
+        np.array([x - 1.5 * radius * 0.707, y - 1.5 * radius * 0.707, 0.0]) - view.position
+    ) @ view.rotation
+    half = np.tan(np.radians(view.camera.fov) / 2)
+    column = int((across / forward / half + 1.0) / 2.0 * view.camera.width)
+    row = int(view.camera.height / 2.0 - up / forward / half * view.camera.width / 2.0)
     channels = read_exr(tmp_path / "f-view.exr", interleaved=True)[0].channels
     green = next(channels[name] for name in ("RGB", "RGBA") if name in channels)[..., 1]
-    assert (green < 0.03).mean() > 0.005
+    assert green[row - 2 : row + 3, column - 2 : column + 3].mean() < 0.08
+    assert green[row - 2 : row + 3, :20].mean() > 0.11
 
 
 def test_a_scene_file_is_never_replaced(command, field, tmp_path):
@@ -94,3 +103,15 @@ def test_what_cannot_be_used_is_refused_and_nothing_is_written(command, field, t
         assert words in err
         assert not (tmp_path / "x.toml").exists()
         assert not (tmp_path / "x").exists()
+
+
+def test_impossible_radiance_is_replaced_with_a_word(command, tmp_path):
+    radiance = meadow(32)
+    radiance[3, 5] = np.nan
+    write_radiance(tmp_path / "spoilt.exr", radiance)
+    status, _, err = command("new", tmp_path / "spoilt.exr", "-o", tmp_path / "s.toml", "--no-draft", "--place", "dome")
+    assert status == 0
+    assert "1 pixel has NaN radiance" in err
+    assert "--repair" in err
+    assert "as asked for; a dome" in err
+    assert {surface.name for surface in load_scene(tmp_path / "s.toml", repair=True).real} == {"floor", "dome"}

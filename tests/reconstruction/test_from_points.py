@@ -122,7 +122,7 @@ def test_wrong_files_are_explained(tmp_path, pose):
         ("few.xyz", "has 2 points"),
         ("words.xyz", "not a readable file of points: line 2 is 'a b c'"),
         ("broken.las", "not a readable .las"),
-        ("broken.ply", "not a readable .ply"),
+        ("broken.ply", "its header has no end"),
         ("broken.e57", "not a readable .e57"),
         ("cloud.pcd", "is not a format for points"),
     ):

@@ -9,6 +9,7 @@ import pytest
 from PIL import Image
 
 from lightdepth.errors import InputError
+from lightdepth.images.radiance import write_radiance
 from lightdepth.scene.materials import Principled
 from lightdepth.scene.meshes import read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
@@ -188,6 +189,21 @@ def test_emission_has_its_texture_factor_and_strength(look):
     document = gltf_document(material=material, images=[png(RED_GREEN_BLUE_WHITE)], samplers=[{"magFilter": 9728}])
     expected = np.reshape(RED_GREEN_BLUE_WHITE, (4, 3)) / 255 * [8, 4, 2]
     np.testing.assert_allclose(look(document, CORNERS, DOWN, environment=0.0), expected, atol=0.02)
+
+
+@pytest.mark.parametrize("suffix", [".hdr", ".exr"])
+def test_emission_of_high_range_comes_from_a_file_beside(parts_of, tmp_path, suffix):
+    radiance = np.array([[[16.0, 2.0, 0.5], [0.0, 0.0, 0.0]], [[1.0, 1.0, 1.0], [0.25, 8.0, 0.125]]], np.float32)
+    write_radiance(tmp_path / f"glow{suffix}", radiance)
+    material = surface(emissiveFactor=[1.0, 0.5, 0.25], emissiveTexture={"index": 0})
+    document = gltf_document(material=material, images=[b""], samplers=[{"wrapS": 33071, "magFilter": 9728}])
+    document["images"] = [{"uri": f"glow{suffix}"}]
+    texture = parts_of(document)[0].material.emission
+    np.testing.assert_allclose(texture.pixels, radiance * [1.0, 0.5, 0.25], rtol=0.01)
+    assert (texture.wrap, texture.nearest) == ("clamp", True)
+    (tmp_path / f"glow{suffix}").unlink()
+    with pytest.raises(InputError, match=f"glow{suffix}, which does not exist"):
+        parts_of(document)
 
 
 def test_alpha_mask_cuts_out_and_blend_covers_in_part(look):

@@ -82,6 +82,29 @@ def test_meshopt_filters(tmp_path):
     np.testing.assert_allclose(part.mesh.normals, plain.mesh.normals, atol=0.01)
 
 
+@pytest.mark.parametrize("bits", [8, 16])
+def test_the_filter_of_colours(tmp_path, bits):
+    """Luma, chroma and alpha as KHR_meshopt_compression stores them, of the colour (200, 100, 0) in 255ths."""
+    encoder = pytest.importorskip("meshoptimizer")
+    largest = 2**bits - 1
+    red, green = round(200 / 255 * largest), round(100 / 255 * largest)
+    row = [(red + 2 * green) // 4, red // 2, (2 * green - red) // 4, largest]
+    stored = np.tile(np.array(row, f"<u{bits // 8}"), (4, 1))
+    document = gltf_document({**QUAD, "COLOR_0": np.full((4, 4), 255, np.uint8)})
+    packed = encoder.encode_vertex_buffer(stored.view(np.uint8).reshape(4, -1).copy(), 4, bits // 2)
+    how = {
+        "buffer": 1, "byteLength": len(packed), "byteStride": bits // 2, "count": 4, "mode": "ATTRIBUTES",
+        "filter": "COLOR",
+    }  # fmt: skip
+    accessor = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]]
+    accessor |= {"bufferView": len(document["bufferViews"]), "componentType": {8: 5121, 16: 5123}[bits]}
+    view = {"buffer": 0, "byteLength": 4 * bits // 2, "byteStride": bits // 2}
+    document["bufferViews"].append({**view, "extensions": {"KHR_meshopt_compression": how}})
+    document["buffers"].append({"byteLength": len(packed), "uri": data_uri(packed)})
+    (part,) = read(tmp_path, document)
+    np.testing.assert_allclose(part.mesh.colors, [[200 / 255, 100 / 255, 0]] * 4, atol=2 / largest)
+
+
 @pytest.mark.parametrize("codec", ["uastc", "etc1s"])
 def test_ktx2_images(tmp_path, codec):
     pytest.importorskip("opengl_basisu")

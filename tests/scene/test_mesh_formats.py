@@ -10,8 +10,9 @@ from PIL import Image
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.scene.materials import Principled, VertexColors
 from lightdepth.scene.meshes import read_mesh_file
-from lightdepth.scene.meshes.geometry import face_areas
-from tests.scene.gltf_writer import QUAD, data_uri, gltf_document, png
+from lightdepth.scene.meshes.geometry import face_areas, placed, placement
+from lightdepth.scene.meshes.gltf_file import GltfFile
+from tests.scene.gltf_writer import QUAD, data_uri, gltf_document, png, write_glb
 
 
 @pytest.fixture
@@ -175,7 +176,7 @@ def test_damaged_obj_is_described(read, content, message):
 def test_obj_layouts_may_mix(read):
     """Corners with and without texture coordinates and normals, comments, continued lines and lines of points."""
     text = (
-        "\ufeff# a comment\nv 0 0 0 1 # weight\nv 1 0 0 1\nv 1 1 0 1\nv 0 1 0 1\nvt 0\nvt 1 0 0\nvn 0 0 2\n"
+        "\ufeff# made of C:\\things\\\nv 0 0 0 1 # weight\nv 1 0 0 1\nv 1 1 0 1\nv 0 1 0 1\nvt 0\nvt 1 0 0\nvn 0 0 2\n"
         "f 1/1/1 2/2/1 \\\n 3/1/1\nf 1//1 3//1 4//1\nf 1/1 -2/2 -1/1\nf 1 2 3 4\nl 1 2\np 3\nwhat 1\nf 1 2\n"
     )
     parts, notes = read("a.obj", text)
@@ -201,6 +202,12 @@ def test_binary_stl_may_begin_with_solid(read):
     assert area(read("a.stl", binary_stl())[0][0]) == pytest.approx(0.5)
     with pytest.raises(InputError, match="it says 2 triangles, but has 1; it is cut off"):
         read("a.stl", binary_stl(2, b"x"))
+
+
+def test_binary_stl_may_have_forgotten_its_count(read):
+    (part,), notes = read("a.stl", binary_stl(0))
+    assert area(part) == pytest.approx(0.5)
+    assert notes == ["says that it has no triangles, but has 1; these are read"]
 
 
 def test_ascii_stl_in_any_case(read):
@@ -284,6 +291,61 @@ def test_skins_with_several_joints_blend(read):
     np.testing.assert_allclose(part.mesh.vertices[:, 1], [-4, 0, -2, -2])  # z of glTF is -y here
 
 
+def test_far_nodes_keep_the_shape_of_their_mesh(read):
+    """A map's coordinates in the nodes, as photogrammetry has them."""
+    document = gltf_document(
+        nodes=[{"children": [1], "translation": [5e5, 100, -5.6e6]}, {"mesh": 0, "scale": [0.3] * 3}]
+    )
+    (part,), _ = read("a.gltf", document)
+    mesh = placed(part.mesh, placement((-5e5, -5.6e6, -100), (0, 0, 0), (1, 1, 1)))
+    np.testing.assert_allclose(mesh.vertices, np.array(QUAD["POSITION"])[:, [0, 2, 1]] * [0.3, -0.3, 0.3], atol=1e-6)
+
+
+GLOSS = {"diffuseFactor": [0.5, 0.5, 0.5, 0.5], "specularFactor": [0.5, 0.5, 0.5], "glossinessFactor": 0.5}
+
+
+def spec_gloss(**settings):
+    return {"extensions": {"KHR_materials_pbrSpecularGlossiness": settings}, "alphaMode": "BLEND"}
+
+
+def test_specular_glossiness_has_its_textures(read):
+    """The diffuse texture with its alpha; glossiness in the other's alpha, its colour as reflection."""
+    gold = png(np.full((2, 2, 4), [188, 188, 188, 128]))
+    textures = {"diffuseTexture": {"index": 0}, "specularGlossinessTexture": {"index": 1}}
+    images = [png(np.full((2, 2, 4), [255, 188, 0, 51])), gold]
+    (part,), notes = read("a.gltf", gltf_document(material=spec_gloss(**GLOSS, **textures), images=images))
+    material = part.material
+    np.testing.assert_allclose(material.base_color.pixels[0, 0], [0.5, 0.5 * 0.503, 0], atol=1e-3)
+    assert material.opacity == pytest.approx(0.5 * 51 / 255, abs=1e-3)
+    assert material.roughness == pytest.approx(1 - 0.5 * 128 / 255, abs=1e-3)
+    assert ((material.ior - 1) / (material.ior + 1)) ** 2 == pytest.approx(0.5 * 0.503, abs=1e-3)
+    assert material.metallic == 0.0
+    assert len(notes) == 1
+    assert "reflects 25 % at normal incidence" in notes[0]
+
+
+def test_specular_glossiness_without_a_diffuse_colour_is_a_metal(read):
+    gold = {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [1.0, 0.77, 0.34], "glossinessFactor": 0.8}
+    (part,), notes = read("a.gltf", gltf_document(material=spec_gloss(**gold)))
+    assert part.material.base_color == pytest.approx((1.0, 0.77, 0.34))
+    assert (part.material.metallic, part.material.roughness) == (1.0, pytest.approx(0.2))
+    assert notes == []
+
+
+def test_a_texture_falls_back_to_an_image_that_can_be_read(read):
+    material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}
+    document = gltf_document(material=material, images=[b"\xabKTX 20\xbb\r\n\x1a\n", png([[[255, 255, 255]]])])
+    document["textures"] = [{"source": 1, "extensions": {"KHR_texture_basisu": {"source": 0}}}]
+    (part,), _ = read("a.gltf", document)
+    assert part.material.base_color.pixels.shape == (1, 1, 3)
+    del document["textures"][0]["source"]
+    with pytest.raises(InputError, match="image 0 .* cannot be read"):
+        read("a.gltf", document)
+    document["textures"] = [{}]
+    with pytest.raises(InputError, match="texture 0 names no image"):
+        read("a.gltf", document)
+
+
 def test_what_gltf_says_and_is_not_carried_is_named(read):
     material = {
         "pbrMetallicRoughness": {
@@ -301,7 +363,7 @@ def test_what_gltf_says_and_is_not_carried_is_named(read):
     document["meshes"][0]["primitives"].append({"mode": 1, "attributes": {}})
     _, notes = read("a.gltf", document)
     assert notes == [
-        "KHR_materials_sheen: sheen is left out",
+        "KHR_materials_sheen is left out (sheen)",
         "the extension ACME_x is not known and is left out",
         "its animation is left out; the pose is the one without it",
         "has 2 scenes, of which number 0 is shown",
@@ -312,6 +374,23 @@ def test_what_gltf_says_and_is_not_carried_is_named(read):
         "points and lines are left out",
     ]
     assert read("a.gltf", document, materials=False)[1] == [notes[2], notes[3], notes[8]]
+
+
+def test_common_liberties_of_gltf_files_are_taken(read, tmp_path):
+    """Zeros behind the JSON of a .glb, bytes behind its end, names in another case, strides of 0, names of no kind."""
+    document = gltf_document(nodes=[{"mesh": 0, "name": None}])
+    for view in document["bufferViews"]:
+        view["byteStride"] = 0
+    document["buffers"].append({"byteLength": 3, "uri": "More%20Data.BIN"})
+    document["bufferViews"].append({"buffer": 1, "byteLength": 3})
+    (tmp_path / "more data.bin").write_bytes(b"abc")
+    write_glb(tmp_path / "thing.glb", document)
+    content = (tmp_path / "thing.glb").read_bytes()
+    end = 20 + int.from_bytes(content[12:16], "little")
+    (part,), notes = read("a.glb", content[:end].rstrip(b" ").ljust(end, b"\0") + content[end:] + b"tail of it")
+    assert area(part) == pytest.approx(4.0)
+    assert notes == []
+    assert GltfFile(tmp_path / "a.glb").view(len(document["bufferViews"]) - 1) == b"abc"
 
 
 @pytest.mark.parametrize(

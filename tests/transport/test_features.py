@@ -11,7 +11,7 @@ from lightdepth.cameras import Fisheye, Perspective
 from lightdepth.directions import direction_to_latlong, euler_rotation, look_at_rotation, pixel_directions
 from lightdepth.scene.materials import Diffuse, Emitter, Principled, Texture
 from lightdepth.scene.meshes import read_mesh_file
-from lightdepth.scene.meshes.geometry import transformed
+from lightdepth.scene.meshes.geometry import placed
 from lightdepth.scene.model import (
     AnalyticShape,
     CameraView,
@@ -141,7 +141,7 @@ def test_an_emissive_gltf_lights_the_real_floor_just_so(tmp_path):
     to_world[:3, :3] = np.diag([*(high - low) / 2, 1.0]) @ np.diag([1, -1, -1])
     to_world[:3, 3] = [*(low + high) / 2, z]
     parts = [
-        SyntheticPart(transformed(part.mesh, to_world), part.material)
+        SyntheticPart(placed(part.mesh, to_world), part.material)
         for part in read_mesh_file(tmp_path / "lamp.glb", with_materials=True)
     ]
     check_lamp_on_floor(SyntheticObject("lamp", tuple(parts)), 40.0, 0.03)

@@ -90,7 +90,7 @@ class Cubemap(Camera):
 
 
 class Cube(Topology):
-    """Faces of a cube: beyond its edges, each goes on in its plane, on which its neighbours are projected.
+    """Faces of a cube: beyond its edges each goes on as its neighbours, unfolded into its plane pixel by pixel.
 
     Args:
         size: pixels along a face's side.
@@ -109,12 +109,20 @@ class Cube(Topology):
         middle, across, along = axes[self.charts.index(chart)]
         right = (2 * (columns - chart.left) + 1) / self._size - 1
         down = (2 * (rows - chart.top) + 1) / self._size - 1
-        point = middle + right[..., None] * across + down[..., None] * along
+        # How far beyond an edge, no farther than across the neighbour; beyond a corner, over the nearer edge last.
+        over_side, over_end = (np.clip(np.abs(part) - 1, 0, 1.999) for part in (right, down))
+        side_first = (over_side >= over_end)[..., None]
+        over_side, over_end = np.broadcast_arrays(over_side[..., None], over_end[..., None])
+        beside, below = (np.clip(part, -1, 1)[..., None] * axis for part, axis in ((right, across), (down, along)))
+        point = np.where(
+            side_first,
+            middle * (1 - over_side) + beside * (1 - over_end) + below,
+            middle * (1 - over_end) + below * (1 - over_side) + beside,
+        )
         face = np.argmax(point @ axes[:, 0].T, axis=-1)
-        depth = np.abs(point).max(axis=-1)
         found = []
         for axis, corner in ((2, "top"), (1, "left")):
-            place = np.sum(point * axes[face, axis], axis=-1) / depth
+            place = np.sum(point * axes[face, axis], axis=-1)
             pixel = np.minimum((0.5 * (place + 1) * self._size).astype(np.intp), self._size - 1)
             found.append(np.array([getattr(each, corner) for each in self.charts])[face] + pixel)
         return found[0], found[1]

@@ -50,7 +50,7 @@ def new(
 
     from lightdepth.errors import InputError
     from lightdepth.images.panorama_file import read_panorama
-    from lightdepth.images.validation import validate_panorama
+    from lightdepth.images.validation import find_defects, validate_panorama
     from lightdepth.images.writing import check_writable
     from lightdepth.quickstart.objects import default_objects, read_objects
     from lightdepth.quickstart.place import guess_place
@@ -77,7 +77,9 @@ def new(
     distance = pose.height * min(0.8 + group, 1.7) + 0.5 * group
     spot = find_floor_spot(radiance, pose, guessed, 0.5 * group, 0.5 * deepest, distance)
     write_first_scene(scene, panorama, pose, guessed, things, spot, radiance)
-    for note in image.notes:
+    spoilt = [defect for defect in find_defects(image.radiance) if not defect.negligible]
+    repairs = [f"{panorama}: {defect}; replaced here, and by `lightdepth render --repair`" for defect in spoilt]
+    for note in (*image.notes, *repairs):
         console.print(f"warning: {note}", style="yellow", markup=False)
     _report(console, scene, pose, guessed, things, spot, camera_height)
     if draft:

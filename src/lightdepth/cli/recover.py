@@ -190,13 +190,15 @@ def clipped(
                 f"{', '.join(f'{gain:.3g}' for gain in gains)} times its clipped light ({table['method']}, "
                 f"confidence {table['confidence']})"
                 if table["light"]
+                else "was not clipped: it lights things no more than the panorama says"
+                if table["method"] == "not clipped"
                 else "how strong it is, the photograph does not tell (give --pair or --grey)"
             ),
             markup=False,
         )
         console.print(
             f"   irradiance of a surface that faces it: {table['irradiance']}; between {table['low']} and {table['high']} "
-            "for matte surfaces to have albedos from 0.03 to 0.95",
+            "for matte surfaces to have albedos from 0.02 to 0.95",
             markup=False,
         )
 

@@ -125,6 +125,16 @@ class Accumulator:
             errors[part] = np.sqrt(means.variance.mean(axis=1)) / brightness**exponent
         return errors
 
+    def change_and_brightness(self, floor: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Size of the change of each pixel, and its brightness with ``floor`` added, each shape (n,), float32."""
+        change, brightness = (np.empty(len(self._pixels), np.float32) for _ in range(2))
+        for part, means in self._means(self._sums()):
+            plate = self._plate[self._pixels[part]]
+            beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
+            change[part] = np.abs(means.change).mean(axis=1)
+            brightness[part] = np.maximum(beauty.mean(axis=1), 0.0) + np.float32(floor)
+        return change, brightness
+
     def _sums(self) -> Estimates:
         """The sums where they lie, with squares in place of the variance; on a GPU, a copy of them."""
         count = len(self._pixels)

@@ -24,6 +24,19 @@ from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import kept_plate
 from lightdepth.film.selection import influenced_pixels
+from lightdepth.film.shared_errors import (
+    CACHE_PROBES,
+    CACHE_SAMPLES,
+    LISTS,
+    MEAN_TO_STANDARD,
+    PATHS_PER_SAMPLE,
+    PROBES,
+    CacheUse,
+    ListUse,
+    SharedErrors,
+    difference_error,
+    light_list_error,
+)
 from lightdepth.film.sums import Origin, PixelSums, Share
 from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.arrays import aligned
@@ -32,7 +45,9 @@ from lightdepth.place.light_list import LightList
 from lightdepth.preparation import Prepared
 from lightdepth.scene.identity import scene_digest, view_digest
 from lightdepth.scene.model import Scene
+from lightdepth.transport.difference import DifferenceIntegrator
 from lightdepth.transport.integrator import CameraSums
+from lightdepth.transport.radiance_cache import RadianceCache
 from lightdepth.transport.sampler import Sampler, begin_path
 
 PATHS = 1 << 21
@@ -60,6 +75,12 @@ SECONDS_BETWEEN_ERRORS = 0.5
 """The error is estimated for those who watch at most so often,"""
 ERROR_SHARE = 0.05
 """and at most for this share of the time."""
+WORTH_SHARED = 0.05
+"""What all pixels have in common is estimated once the pixels' own errors are below this: it is far less."""
+SHARED_SEED = 0x73686172
+"""Its random numbers are its own."""
+LEAST_NOISE = 0.5
+"""Share of a wanted noise that is left at least to the pixels' own errors, whatever all have in common."""
 LIGHTS = 1 << 14
 """Light samples that paths choose among: as many as fit the processor's cache, since paths look at many far apart."""
 LIGHTS_SERVE = 1 << 21
@@ -183,6 +204,7 @@ class Rendering:
         self._round: Round | None = None
         self._digests: tuple[str, str] | None = None
         self._trained = False
+        self._list_use, self._cache_use, self._shared = ListUse(), CacheUse(), SharedErrors()
         self._learning_due = 0.0
         self._error, self._error_known, self._error_time = 0.0, False, -math.inf
 
@@ -319,7 +341,15 @@ class Rendering:
         samples = 0 if self._round is None else self._round.target.samples
         share = self.share
         named |= {"pixels": self.pixels.copy(), "taken": taken}
-        return PixelSums(self.origin(samples), (share.index,), share.count, **named, light_count=light_count)
+        return PixelSums(
+            self.origin(samples),
+            (share.index,),
+            share.count,
+            **named,
+            light_count=light_count,
+            light_list_error=self._list_error(),
+            cache_error=self._shared.cache,
+        )
 
     def adopt(self, sums: PixelSums) -> None:
         """Put sums in place of what there is, merged ones for example.
@@ -334,6 +364,9 @@ class Rendering:
             self._accumulator.restore(sums.taken, sums.arrays())
             if self._light is not None:
                 self._light.restore(sums.arrays(), sums.light_count, sums.light_count, 0)
+        self._list_use = ListUse()
+        known = sums.light_list_error > 0.0 or sums.cache_error > 0.0
+        self._shared = SharedErrors(sums.light_list_error, sums.cache_error, self._spent() if known else 0)
         self._error_known = False
 
     def _all_sums(self) -> tuple[dict[str, NDArray[Any]], int]:
@@ -367,6 +400,9 @@ class Rendering:
             "lights_served": self._lights_served,
             "trained": self._trained,
             "learning_due": self._learning_due,
+            "list_use": self._list_use.values,
+            "cache_use": self._cache_use.values,
+            "shared": list(vars(self._shared).values()),
             "round": None if this is None else [vars(this.target), this.total, this.begun, this.pilot],
         }
         if this is not None:
@@ -401,6 +437,9 @@ class Rendering:
                 self._cache.restore({name: arrays[f"cache_{name}"] for name in self._cache.contents()})
         self._lights_served, self._trained = int(header["lights_served"]), bool(header["trained"])
         self._learning_due, self._error_known = float(header["learning_due"]), False
+        self._list_use.values = [int(value) for value in header["list_use"]]
+        self._cache_use.values = [float(value) for value in header["cache_use"]]
+        self._shared = SharedErrors(*header["shared"])
         self._round = None
         if header["round"] is not None:
             target, total, begun, pilot = header["round"]
@@ -419,17 +458,97 @@ class Rendering:
             "irradiance_error": f"{report.mean_error:.5f}",
             EXPOSURE: f"{auto_exposure(self._scene.panorama.radiance):.3f}",
         }
+        if self._shared.spent:
+            facts |= {"light_list_error": f"{self._list_error():.5f}", "cache_error": f"{self._shared.cache:.5f}"}
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)
         return facts
 
     def error(self) -> float:
-        """Estimated relative error of the sampled pixels, root mean square."""
+        """Estimated relative error of the sampled pixels, root mean square: their noise, and what all have in common."""
         if len(self.pixels) and not self._error_known:
-            with DEVICE_LOCK:
-                self._error = float(np.sqrt(np.mean(np.square(self._accumulator.relative_errors(self._dark)))))
+            own = float(np.mean(np.square(self._own_errors())))
+            irradiance, rest = self._common_variance()
+            self._error = math.sqrt(own + float(np.mean(irradiance)) + rest)
             self._error_known = True
         return self._error
+
+    def _own_errors(self) -> NDArray[np.float32]:
+        """Relative errors of the pixels that come of their own samples, shape (n,)."""
+        with DEVICE_LOCK:
+            return self._accumulator.relative_errors(self._dark)
+
+    def _common_variance(self) -> tuple[NDArray[np.float32] | float, float]:
+        """Relative variance of what all pixels have in common: of the irradiance, shape (n,), and of the rest."""
+        irradiance = self._prepared.irradiance.mean_error * MEAN_TO_STANDARD
+        rest = self._list_error() ** 2 + self._shared.cache**2
+        if not math.isfinite(irradiance) or irradiance == 0.0:
+            return 0.0, rest
+        with DEVICE_LOCK:
+            change, brightness = self._accumulator.change_and_brightness(self._dark)
+        return np.square(irradiance * change / brightness), rest
+
+    def _list_error(self) -> float:
+        """Relative error that the light lists so far give all pixels."""
+        return self._shared.light_list * math.sqrt(self._list_use.share(len(self.pixels)))
+
+    def _estimate_shared(self) -> None:
+        """Estimate what is to be known of the light list and the cache, once that is not lost in the noise.
+
+        Only between rounds, so that what a wanted noise takes does not depend on who watches.
+        """
+        spent, integrator = self._spent(), self._prepared.integrator
+        if not isinstance(integrator, DifferenceIntegrator) or spent < 4 * self._shared.spent or not len(self.pixels):
+            return
+        own = self._own_errors()[self.share.owns(np.arange(len(self.pixels)))]
+        if not len(own) or float(np.sqrt(np.mean(np.square(own)))) > WORTH_SHARED:
+            return
+        generator = np.random.default_rng([self._seed, SHARED_SEED, spent])
+        with DEVICE_LOCK:
+            _, brightness = self._accumulator.change_and_brightness(self._dark)
+            fewest, most = PROBES
+            count = min(max(spent // (PATHS_PER_SAMPLE * LISTS * LIGHTS), fewest), most)
+            # Lists err most where paths do, which may be few pixels.
+            chance = np.square(self._own_errors().astype(np.float64))
+            chance = 0.5 * chance / max(float(chance.sum()), 1e-300) + 0.5 / len(chance)
+            chance /= chance.sum()
+            slots = generator.choice(len(self.pixels), count, p=chance)
+            light_list = light_list_error(
+                integrator,
+                self._prepared.place,
+                self._ray_through,
+                self.pixels[slots],
+                brightness[slots],
+                1.0 / (len(chance) * chance[slots]),
+                LIGHTS,
+                generator,
+            )
+            self._shared = SharedErrors(light_list, self._cache_error(brightness, generator), spent)
+        self._error_known = False
+
+    def _cache_error(self, brightness: NDArray[np.float32], generator: np.random.Generator) -> float:
+        """Relative error that the radiance cache gives pixels: how they change when it is as wrong as it may be."""
+        if self._cache is None or self._lights is None:
+            return 0.0
+        slots = np.sort(generator.choice(len(self.pixels), min(CACHE_PROBES, len(self.pixels)), replace=False))
+        counts = np.full(len(slots), CACHE_SAMPLES)
+        other = self._cache.perturbed(generator)
+        differences = []
+        for _ in range(2):
+            first = generator.integers(1 << 32, size=len(slots))
+            sums = [
+                self._follow(self._lights, self.pixels[slots], first, counts, cache) for cache in (self._cache, other)
+            ]
+            totals = [(each.change + each.synthetic).numpy().T for each in sums]
+            differences.append((totals[1] - totals[0]) / CACHE_SAMPLES)
+        now = difference_error(differences[0], differences[1], brightness[slots])
+        return now * math.sqrt(self._cache_use.share(self._cache.records))
+
+    def _ray_through(self, pixel: mi.UInt32) -> tuple[mi.Ray3f, mi.Bool]:
+        """Camera rays through the middle of pixels, world, and whether they lie in the camera's image."""
+        column, row = mi.Float(pixel % self._width), mi.Float(pixel // self._width)
+        seen = self._view.pixel_rays(column, row, mi.Point2f(0.5), mi.Point2f(0.5))
+        return seen.ray, seen.inside
 
     def _watched_error(self) -> float:
         """The same for those who watch, estimated anew so rarely that it costs little time."""
@@ -455,6 +574,7 @@ class Rendering:
         samples.
         """
         target, taken = last.target, self._accumulator.taken
+        self._estimate_shared()
         with DEVICE_LOCK:
             more, whole = self._even(target) if target.noise is None else self._until(target, target.noise)
         if more is None or (target.noise is None and not last.pilot):
@@ -490,7 +610,11 @@ class Rendering:
         taken = self._accumulator.taken
         # The error falls with the square root of the number of samples. A pixel is not done that stands out.
         errors = self._accumulator.relative_errors(self._dark)
-        more = np.square(np.maximum(errors, self._around(errors)) / np.float32(noise))
+        irradiance, rest = self._common_variance()
+        # More samples of a pixel do not lessen what all have in common: beyond some point there is no use in them.
+        left = np.maximum(noise**2 - rest - irradiance, LEAST_NOISE**2 * noise**2)
+        more: NDArray[np.float32] = np.square(np.maximum(errors, self._around(errors)))
+        more /= np.asarray(left, np.float32)
         more *= taken
         np.minimum(more, target.samples, out=more)
         more -= taken
@@ -542,14 +666,17 @@ class Rendering:
         with DEVICE_LOCK:
             paths = int(counts.sum(dtype=np.int64))
             lights = self._light_list(paths)
+            self._list_use.add(paths, len(slots))
             # While the device is at one of these, the next is prepared, which takes about as long where samples are few.
             arrivals = [] if self._light is None else self._light.follow(lights, paths)
             self._learn(lights, paths)
+            if self._cache is not None:
+                self._cache_use.add(paths, self._cache.records)
             if not everywhere:
                 mine = self.share.owns(slots)
                 slots, counts = slots[mine], counts[mine]
             if len(slots):
-                sums = self._follow(lights, self.pixels[slots], self._accumulator.taken[slots], counts)
+                sums = self._follow(lights, self.pixels[slots], self._accumulator.taken[slots], counts, self._cache)
             if self._light is not None:
                 for each in arrivals:
                     self._light.add(each)
@@ -564,6 +691,7 @@ class Rendering:
             self._lights_begun = self._generator.bit_generator.state
             self._lights = self._prepared.place.presample_lights(self._generator, LIGHTS)
             self._lights_served = LIGHTS_SERVE
+            self._list_use.next_list()
         self._lights_served -= paths
         return self._lights
 
@@ -582,10 +710,15 @@ class Rendering:
         pixels = self._generator.choice(self.pixels, lanes)
         with self._cache.learn(lanes * LEARNING_PATHS):
             first = self._generator.integers(1 << 32, size=lanes)
-            self._follow(lights, pixels, first, np.full(lanes, LEARNING_PATHS))
+            self._follow(lights, pixels, first, np.full(lanes, LEARNING_PATHS), self._cache)
 
     def _follow(
-        self, lights: LightList, pixels: NDArray[np.uint32], first: NDArray[np.integer], counts: NDArray[np.integer]
+        self,
+        lights: LightList,
+        pixels: NDArray[np.uint32],
+        first: NDArray[np.integer],
+        counts: NDArray[np.integer],
+        cache: RadianceCache | None,
     ) -> CameraSums:
         """Follow ``counts`` paths for each pixel, from its sample number ``first`` on."""
         pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in (pixels, first, counts))
@@ -599,7 +732,7 @@ class Rendering:
             seen = self._view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(sampler.stratified("lens")))
             return sampler, seen.ray, seen.inside, seen.solid_angle * paths_a_sample
 
-        sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, lights, self._cache)
+        sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, lights, cache)
         dr.eval(sums)
         return sums
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -127,6 +128,8 @@ class PixelSums:
         light_synthetic: likewise to new objects, shape (n, 3), float32.
         light_squares: squares of each of that, mean of the channels, shape (n,), float32.
         light_count: paths from the light; each of the three divided by it is a mean.
+        light_list_error: estimated relative error that the light lists give all pixels; 0 where it is not known.
+        cache_error: likewise of the radiance cache.
     """
 
     origin: Origin
@@ -142,6 +145,8 @@ class PixelSums:
     light_synthetic: NDArray[np.float32]
     light_squares: NDArray[np.float32]
     light_count: int = 0
+    light_list_error: float = 0.0
+    cache_error: float = 0.0
 
     @property
     def complete(self) -> bool:
@@ -170,6 +175,8 @@ class PixelSums:
             "shares": list(self.shares),
             "of": self.of,
             "light_count": self.light_count,
+            "light_list_error": self.light_list_error,
+            "cache_error": self.cache_error,
         }
 
     def arrays(self) -> dict[str, NDArray]:
@@ -200,6 +207,8 @@ class PixelSums:
                 int(header["of"]),
                 **{name: arrays[name] for name in ARRAYS},
                 light_count=int(header["light_count"]),
+                light_list_error=float(header["light_list_error"]),
+                cache_error=float(header["cache_error"]),
             )
             count = len(sums.pixels)
             for name, (kind, numbers) in ARRAYS.items():
@@ -252,4 +261,13 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
             if name != "pixels":
                 total[name][place] += getattr(part, name)
     light_count = sum(part.light_count for part in parts)
-    return PixelSums(parts[0].origin, tuple(sorted(owner)), parts[0].of, **total, light_count=light_count)
+    return PixelSums(
+        parts[0].origin,
+        tuple(sorted(owner)),
+        parts[0].of,
+        **total,
+        light_count=light_count,
+        # All parts have the same lists and the same cache: each has estimated the same errors in pixels of its own.
+        light_list_error=math.sqrt(sum(part.light_list_error**2 for part in parts) / len(parts)),
+        cache_error=math.sqrt(sum(part.cache_error**2 for part in parts) / len(parts)),
+    )

@@ -27,8 +27,12 @@ from lightdepth.scene.model import Panorama, Scene
 SMALL = 2.0
 """Degrees of spread up to which a plateau tells by itself where the sun is."""
 REACH = 6.0
-DARKEST, WHITEST = 0.03, 0.95
-"""Albedos that support has at least and at most: the bounds where nothing else tells more."""
+DARKEST, WHITEST = 0.02, 0.95
+"""Albedos that the typical surface has at least, and every one at most: the bounds where nothing else tells more."""
+NOT_CLIPPED = 0.1
+"""Share of the source's light, up to which what is missing may be the recovery's own error."""
+ROUNDS = 3
+"""In which several sources are recovered, each with what the last round found of the others."""
 POINTS = 1500
 LIT = 0.3
 """Share of the strongest irradiance from the source from which on a place tells of its bounds."""
@@ -40,8 +44,9 @@ class RecoveredSource:
 
     Attributes:
         plateau: what the panorama shows of it.
-        source: with its radiance; ``None`` where nothing tells it.
-        method: ``shadow edges``, ``clicked pairs``, ``known albedo``, ``falloff``, or ``none``.
+        source: with its radiance; ``None`` where nothing tells it, or nothing was lost.
+        method: ``shadow edges``, ``clicked pairs``, ``known albedo``, ``falloff``, ``none``, or ``not clipped`` where
+            it lights things no more than the panorama says.
         irradiance: of the source on a surface at the capture point that faces it, linear RGB, shape (3,); the map's own
             where there is no better one.
         clipped_irradiance: the same as the panorama has it.
@@ -100,13 +105,17 @@ def recover_clipped(
     known = [_read_grey(text, size, view) for text in grey]
     if (clicked or known) and len(plateaus) > 1:
         plateaus = plateaus[:1]  # Clicks tell of the strongest one.
-    results: list[RecoveredSource] = []
-    for plateau in plateaus:
-        results.append(_recovered(scene, view, plateau, clicked, known, diameter))
-        if results[-1].source is not None:
-            light = unclipped(scene.panorama.radiance, results[-1].source)
-            scene = replace(scene, panorama=replace(scene.panorama, radiance=light))
-    return results
+    results: dict[int, RecoveredSource] = {}
+    for _ in range(ROUNDS if len(plateaus) > 1 else 1):
+        for number, plateau in enumerate(plateaus):
+            # The light of the others as far as it is known by now.
+            light = scene.panorama.radiance
+            for other, result in results.items():
+                if other != number and result.source is not None:
+                    light = unclipped(light, result.source)
+            lit = replace(scene, panorama=replace(scene.panorama, radiance=light))
+            results[number] = _recovered(lit, view, plateau, clicked, known, diameter)
+    return list(results.values())
 
 
 def _recovered(
@@ -148,6 +157,8 @@ def _recovered(
             return nothing
         extra, error, method = (gain - 1.0) * now, relative * gain * now, "falloff"
     total = np.maximum(now + extra, now)
+    if float((total - now).sum()) <= NOT_CLIPPED * float(total.sum()):
+        return replace(nothing, method="not clipped")
     relative = error / np.maximum(total, 1e-30)
     radiance = total / float(angles.sum())
     worst = float(np.nanmax(relative)) if np.isfinite(relative).any() else 1.0
@@ -263,7 +274,7 @@ def _bounds(
         return now, np.full(3, np.inf)
     gains = [((white[lit] / albedo) - light[lit]) / source[lit].clip(1e-30) + 1.0 for albedo in (WHITEST, DARKEST)]
     lowest = np.maximum(np.percentile(gains[0], 95.0, axis=0), 1.0)
-    return lowest * now, np.maximum(np.percentile(gains[1], 5.0, axis=0), lowest) * now
+    return lowest * now, np.maximum(np.median(gains[1], axis=0), lowest) * now
 
 
 def _alone(scene: Scene, share: FloatArray) -> Panorama:

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from lightdepth.directions import FloatArray, pixel_directions, pixel_solid_angles
-from lightdepth.images.validation import clipped_plateau
 from lightdepth.scene.model import Scene
 
 LEVEL = 0.98
 """Share of the largest value of any channel from which on a pixel counts as clipped."""
+FEWEST_PIXELS = 2
 MOST = 8
 LEAST_SHARE = 0.01
 """Of the solid angle of the largest: smaller plateaus are left alone."""
@@ -41,15 +41,13 @@ class Plateau:
 
 
 def find_plateaus(scene: Scene, distance: NDArray[np.float32]) -> list[Plateau]:
-    """Clipped sources, the largest first, at most ``MOST``; none where nothing clipped.
+    """What may have been clipped, the largest first, at most ``MOST``; none where no two neighbours are the brightest.
 
     Args:
         scene: its panorama.
         distance: of the real surfaces at the panorama's pixels, inf for sky, shape (height, 2 height).
     """
     radiance = scene.panorama.radiance
-    if clipped_plateau(radiance) is None:
-        return []
     height, width = radiance.shape[:2]
     brightest = radiance.max(axis=2)
     clipped = brightest >= LEVEL * float(brightest.max())
@@ -57,6 +55,8 @@ def find_plateaus(scene: Scene, distance: NDArray[np.float32]) -> list[Plateau]:
     directions = pixel_directions(height, width)
     found: list[Plateau] = []
     for pixels in _components(clipped):
+        if np.count_nonzero(pixels) < FEWEST_PIXELS:
+            continue
         middle = (directions * (pixels * angles)[..., None]).sum(axis=(0, 1))
         middle /= max(float(np.linalg.norm(middle)), 1e-12)
         y, x = np.nonzero(pixels)
@@ -73,7 +73,7 @@ def find_plateaus(scene: Scene, distance: NDArray[np.float32]) -> list[Plateau]:
             )
         )
     found.sort(key=lambda plateau: -plateau.solid_angle)
-    return [plateau for plateau in found if plateau.solid_angle >= LEAST_SHARE * found[0].solid_angle][:MOST]
+    return [each for each in found if each.solid_angle >= LEAST_SHARE * found[0].solid_angle][:MOST]
 
 
 def _components(mask: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:

@@ -11,10 +11,10 @@ from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.scene.model import Scene
 
-POINTS = 3000
-SAMPLES = 128
+POINTS = 2000
+SAMPLES = 512
 FEWEST = 40
-GAINS = np.geomspace(1.0, 1e5, 151)
+GAINS = np.geomspace(1.0, 1e5, 301)
 LEAST_CHANGE = 0.1
 """Logarithm by which the source's share must vary over surfaces, at the found gain, to tell anything."""
 CLEARLY = 1.05

@@ -15,7 +15,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned_empty
+from lightdepth.directions import pixel_directions
+from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.place.light_list import LightSample
@@ -23,6 +24,7 @@ from lightdepth.place.map_distribution import MapDistribution, direction_to_latl
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
+from lightdepth.place.unseen_sky import BANDS, sky_by_elevation
 from lightdepth.scene.model import Panorama
 
 DEPTH_TOLERANCE = 0.01
@@ -54,6 +56,7 @@ class Photograph(RealLight):
         self._capture = as_point(panorama.position)
         self._pixel_angle = math.pi / self.map.height
         self._depth = self._depth_map()
+        self._unseen_sky = self._sky_table(panorama)
         self._mirrored: mi.Texture2f | None = None
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Photograph:
@@ -110,6 +113,9 @@ class Photograph(RealLight):
         pdf = dr.select(self._capture_sees(mapped, depth, cosine_capture), pdf, 0.0)
         front = active & hit.valid & (dr.dot(hit.normal, direction) < 0.0)
         radiance = self._unless_hidden(radiance, hit, front & self._hidden(mapped, depth, cosine_capture))
+        if self._unseen_sky is not None:
+            behind = ~hit.valid & dr.isfinite(mapped)
+            radiance = dr.select(behind, self._sky_at(direction, active & behind), radiance)
         if self.surfaces.deformed:
             rest = self.surfaces.rest_point(hit, active & hit.valid)
             at_rest = self.map.radiance(self._to_light @ dr.normalize(mi.Vector3f(rest - self._capture)))
@@ -185,6 +191,28 @@ class Photograph(RealLight):
             if self.surfaces.deformed:
                 radiance = dr.select(finite, self.surface_radiance(hit, finite), radiance)
         return LightSample(place, normal, density, radiance, finite, relit, mi.Bool(False))
+
+    # -- Sky behind what the capture point sees -----------------------------------------------------------------
+
+    def _sky_table(self, panorama: Panorama) -> mi.Float | None:
+        """The sky by elevation, in groups of four numbers, where some of it may be hidden; else ``None``."""
+        if self.infinite or not self.surfaces.has_real:
+            return None
+        sky = np.isinf(self._depth.numpy()).reshape(self.map.height, self.map.width)
+        if sky.all() or not sky.any():
+            return None
+        upward = pixel_directions(self.map.height, self.map.width) @ panorama.rotation[2]
+        table = sky_by_elevation(panorama.light_radiance, sky, upward)
+        return None if table is None else mi.Float(aligned(np.pad(table, ((0, 0), (0, 1)))))
+
+    def _sky_at(self, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
+        """The sky's radiance in unit directions, world, by their elevation."""
+        at = (dr.asin(dr.clip(direction.z, -1.0, 1.0)) * dr.inv_pi + 0.5) * (BANDS - 1)
+        lower = dr.minimum(mi.UInt32(at), BANDS - 2)
+        share = at - mi.Float(lower)
+        below, above = (dr.gather(mi.Vector4f, self._unseen_sky, lower + step, active) for step in (0, 1))
+        value = dr.lerp(below, above, share)
+        return mi.Color3f(value.x, value.y, value.z)
 
     # -- The depth of the map -----------------------------------------------------------------------------------
 

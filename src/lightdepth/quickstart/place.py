@@ -59,7 +59,7 @@ def guess_place(radiance: NDArray[np.float32], pose: GuessedPose, kind: Kind | N
     if kind == "ground":
         return _ground(radiance, pose)
     if pose.frame is None or kind == "dome":
-        why = "as asked for" if kind == "dome" else "guess: no room's edges were found"
+        why = "as asked for" if kind == "dome" else "guess: no room's edges were found to fit a box to"
         return _dome(pose, why)
     box = fit_room_box(radiance, pose.frame, pose.height)
     if kind is None and not box.is_likely:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,8 +13,11 @@ from numpy.typing import NDArray
 from lightdepth.errors import InputError, SetupError, warn
 from lightdepth.packages import optional_package
 from lightdepth.reconstruction.point_text import read_text_points
+from lightdepth.scene.meshes.ply_file import read_ply_file
 
 FloatArray = NDArray[np.float64]
+LAS_HEADER_SIZE_AT, LAS_RECORD_COUNT_END, LAS_RECORD_HEADER = 94, 104, 54
+"""Bytes of a LAS file: where its header's own size stands, where the number of records ends, and a record's own header."""
 
 
 @dataclass(frozen=True)
@@ -81,23 +85,37 @@ def read_points(
 
 
 def _from_ply(path: Path) -> PointCloud:
-    import trimesh
-
-    loaded = trimesh.load(path, process=False)
-    points = np.asarray(loaded.vertices, dtype=np.float64)
-    vertex = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-    try:
-        normals = np.column_stack([np.ravel(vertex[name]) for name in ("nx", "ny", "nz")]).astype(np.float64)
-    except (KeyError, ValueError, TypeError):
-        normals = None
-    return PointCloud(points, normals)
+    vertex = read_ply_file(path).elements.get("vertex")
+    columns = {} if vertex is None else vertex.columns
+    if not {"x", "y", "z"} <= columns.keys():
+        raise InputError(f"{path}: has no element 'vertex' with the properties x, y and z")
+    points = np.column_stack([columns[name] for name in "xyz"]).astype(np.float64)
+    names = ("nx", "ny", "nz")
+    if not columns.keys() >= set(names):
+        return PointCloud(points)
+    return PointCloud(points, np.column_stack([columns[name] for name in names]).astype(np.float64))
 
 
 def _from_las(path: Path) -> PointCloud:
     laspy = optional_package("laspy", "points")
     if path.suffix.lower() == ".laz" and not laspy.LazBackend.detect_available():
         optional_package("lazrs", "points")  # One that laspy can decompress with.
+    _check_las_header(path)
     return PointCloud(np.asarray(laspy.read(path).xyz, dtype=np.float64))
+
+
+def _check_las_header(path: Path) -> None:
+    """Refuse a header whose records do not fit before the points: laspy would go through all that it claims."""
+    with path.open("rb") as file:
+        head = file.read(LAS_RECORD_COUNT_END)
+    if len(head) < LAS_RECORD_COUNT_END:
+        raise InputError(f"{path}: not a readable {path.suffix} file of points: it is cut off in its header")
+    size, points_at, records = struct.unpack_from("<HII", head, LAS_HEADER_SIZE_AT)
+    if size + LAS_RECORD_HEADER * records > points_at or points_at > path.stat().st_size:
+        raise InputError(
+            f"{path}: not a readable {path.suffix} file of points: its header claims {records} records before byte "
+            f"{points_at} of {path.stat().st_size}"
+        )
 
 
 def _from_e57(path: Path) -> PointCloud:

@@ -90,11 +90,12 @@ class Session:
         self._listeners: list[Callable[[Event], None]] = []
         self._displays: list[Display] = []
         self._changed = threading.Condition()
-        self._cancelled, self._paused, self._interrupted = False, False, False
+        self._cancelled, self._paused, self._discarded = False, False, False
+        self._sampled_job: Job | None = None
+        self._idle = True
         self._job = Job()
         self._rendering: Rendering | None = None
         self._thread: threading.Thread | None = None
-        self._error: BaseException | None = None
 
     # -- Who watches --------------------------------------------------------------------------------------------
 
@@ -163,8 +164,9 @@ class Session:
             raise InputError(f"samples = {samples}: at least 1 is needed")
         with self._changed:
             self._job = replace(self._job, samples=samples)
-            if self.running:
+            if not self._idle:
                 return
+        self.wait()
         self._begin_thread()
 
     def wait(self, seconds: float | None = None) -> bool:
@@ -174,27 +176,37 @@ class Session:
         return not self.running
 
     def _begin_thread(self) -> None:
-        self._cancelled = self._paused = False
+        self._cancelled = self._paused = self._idle = False
         self._thread = threading.Thread(target=self._in_thread, name="lightdepth session", daemon=True)
         self._thread.start()
 
     def _end_thread(self) -> None:
         """Give up what is being rendered, without a picture of it."""
         if self.running:
-            self._interrupted = True
+            self._discarded = True
             self.cancel()
             self.resume()
             self.wait()
-        self._interrupted = False
+        self._discarded = False
 
     def _in_thread(self) -> None:
         try:
             self._render()
+            while self._is_wanted():
+                self._render()
         except LightdepthError as error:
             self._report(Failure(str(error)))
         except Exception as error:
             LOGGER.exception("a session failed")
             self._report(Failure(f"internal error: {type(error).__name__}: {error}"))
+        finally:
+            self._idle = True
+
+    def _is_wanted(self) -> bool:
+        """Whether other samples have been asked for since the last ones were taken; if not, the thread is done."""
+        with self._changed:
+            self._idle = self._cancelled or self._sampled_job is self._job
+            return not self._idle
 
     # -- The work -----------------------------------------------------------------------------------------------
 
@@ -223,8 +235,11 @@ class Session:
             rendering = self._rendering or self._prepared(job)
         except Cancelled:
             return self._done(Done(None, interrupted=True))
-        interrupted = job.merged is None and not self._sampled(rendering)
-        if self._interrupted:
+        if job.merged is None:
+            interrupted = not self._sampled(rendering)
+        else:
+            interrupted, self._sampled_job = False, job
+        if self._discarded:
             return Done(None, interrupted=True)
         self._rendering = rendering if self._keep else None
         if job.sums is not None:
@@ -247,7 +262,7 @@ class Session:
         return self._done(Done(file, interrupted, round(picture_exposure(frame), 3)))
 
     def _done(self, event: Done) -> Done:
-        if not self._interrupted:
+        if not self._discarded:
             self._report(event)
         return event
 
@@ -303,9 +318,10 @@ class Session:
                         break
             else:
                 regions.pop(0)
+                self._sampled_job = job
                 continue
             if self._cancelled:
-                if self._job.checkpoint is not None and not self._interrupted:
+                if self._job.checkpoint is not None and not self._discarded:
                     self._keep_checkpoint(rendering, self._job.checkpoint)
                 return False
         return True

@@ -267,6 +267,48 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             smallest_pdf,
         )
 
+    def direct_from(self, ray: mi.Ray3f, lights: LightList, u: mi.Float, active: mi.Bool) -> mi.Color3f:
+        """What single light samples contribute where rays first meet something, were each the only one of its list.
+
+        The mean over a list is what the light sampling of many paths along the ray tends to.
+
+        Args:
+            ray: camera rays, world.
+            lights: light samples of the map.
+            u: uniform numbers that pick them.
+            active: where it is wanted.
+        """
+        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        on_real = active & self.surfaces.is_real(found)
+        on_synthetic = active & found.is_valid() & ~on_real
+        hit = self.surfaces.real_hit(ray, found, on_real)
+        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & (dr.dot(hit.normal, ray.d) < 0.0)
+        in_difference = on_support & (hit.kind != int(FaceKind.RELIT))
+        rho, specular_scale = self._reflectance(hit, on_support)
+        point = dr.select(on_synthetic, si.p, hit.point)
+        cones = self.bounds.cones(point) if self.has_support and self.bounds is not None else None
+        aim = dr.select(in_difference, mi.Float(1.0), 0.0)
+        support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, aim, specular_scale)
+        vertex = Vertex(
+            point,
+            dr.select(on_synthetic, si.n, hit.normal),
+            si,
+            self.surfaces.materials.number(si, on_synthetic),
+            support,
+            on_synthetic,
+            on_support,
+            in_difference,
+        )
+        light = lights.sample(u, active)
+        direction, distance, pdf = self.place.toward(light, point)
+        value, scattering_pdf = self._scattering(mi.BSDFContext(), vertex, direction, active)
+        weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
+        value *= light.radiance * (_mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20))
+        useful = (on_synthetic | on_support) & (pdf > 0.0) & (dr.max(value) > 0.0)
+        value *= self._visible(vertex, light, direction, distance, mi.Bool(True), in_difference, useful)
+        return dr.select(useful, value, 0.0)
+
     # -- The terms ----------------------------------------------------------------------------------------------
 
     def _before(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from copy import copy
 
 import drjit as dr
 import mitsuba as mi
@@ -53,6 +54,7 @@ class RadianceCache:
         self._cells = np.zeros(0, np.uint64)
         self._sums = np.zeros((0, 3))
         self._records = np.zeros(0, np.int64)
+        self._squares = np.zeros(0)
         self._upload()
         self._expect(0)
 
@@ -68,14 +70,37 @@ class RadianceCache:
         self._add(self._learnt_cells.numpy(), self._learnt.numpy().reshape(-1, 4)[:, :3])
         self._expect(0)
 
+    @property
+    def records(self) -> int:
+        """How many training paths have reached it."""
+        return int(self._records.sum())
+
     def contents(self) -> dict[str, NDArray]:
         """Everything that it has learnt, by name."""
-        return {"cells": self._cells, "sums": self._sums, "records": self._records}
+        return {"cells": self._cells, "sums": self._sums, "records": self._records, "squares": self._squares}
 
     def restore(self, contents: Mapping[str, NDArray]) -> None:
         """Put what :meth:`contents` gave in place of what there is."""
-        self._cells, self._sums, self._records = (contents[name] for name in ("cells", "sums", "records"))
+        self._cells, self._sums, self._records, self._squares = (
+            contents[name] for name in ("cells", "sums", "records", "squares")
+        )
         self._upload()
+
+    def perturbed(self, generator: np.random.Generator) -> RadianceCache:
+        """A cache of the same cells whose means are as wrong as the means here are expected to be.
+
+        Every cell's sum is changed by a random number of its standard error, the same in all channels. Cells with few
+        records have the variance that the others have on average.
+        """
+        grey, count = self._sums.mean(axis=1), np.maximum(self._records, 1)
+        within = np.maximum(self._squares - np.square(grey) / count, 0.0)
+        pooled = float(within.sum() / max(float((self._records - 1).sum()), 1.0))
+        # As many records of that variance as decide how many neighbours count.
+        variance = (within + NEIGHBOURS_COUNT * pooled) / (np.maximum(count - 1, 0) + NEIGHBOURS_COUNT)
+        other = copy(self)
+        other._sums = self._sums + (generator.standard_normal(len(count)) * np.sqrt(variance * count))[:, None]
+        other._upload()
+        return other
 
     def cell(self, point: mi.Point3f, normal: mi.Vector3f) -> tuple[mi.UInt64, mi.Float]:
         """The cells of points and their edges in metres.
@@ -138,12 +163,14 @@ class RadianceCache:
         self._cells, place = np.unique(np.concatenate([self._cells, cells]), return_inverse=True)
         # One after the other in the order of the paths, so that the same paths always give the same means.
         known, size = len(self._records), len(self._cells)
-        number, sums = np.zeros(size, np.int64), np.zeros((size, 3))
+        number, sums, squares = np.zeros(size, np.int64), np.zeros((size, 3)), np.zeros(size)
         number[place[:known]], sums[place[:known]] = self._records, self._sums
+        squares[place[:known]] = self._squares
+        squares += np.bincount(place[known:], np.square(records.mean(axis=1)), size)
         number += np.bincount(place[known:], minlength=size)
         for channel in range(3):
             sums[:, channel] += np.bincount(place[known:], records[:, channel], size)
-        self._records, self._sums = number, sums
+        self._records, self._sums, self._squares = number, sums, squares
         self._upload()
 
     def _upload(self) -> None:

@@ -121,6 +121,9 @@ for name in (cube.name, "Twin", "Ball copy 1", "Sheared", "Slanted"):
     places = np.array([item.matrix_world @ vertex.co for vertex in mesh.vertices])
     found["bounds"][name] = [places.min(axis=0).tolist(), places.max(axis=0).tolist()]
     subdivision.levels = 0
+bpy.context.view_layer.material_override = plastic
+bpy.ops.lightdepth.export_scene(filepath=f"{folder}/override.toml")
+bpy.context.view_layer.material_override = None
 bpy.data.objects["Camera"].data.type = "ORTHO"
 found["orthographic"] = refused(bpy.ops.lightdepth.export_scene, filepath=f"{folder}/flat.toml")
 answer(**found)

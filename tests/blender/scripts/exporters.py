@@ -8,7 +8,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-
 from session import answer
 
 folder = Path(sys.argv[1])

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-
 from session import add_camera, answer, as_exr, begin, module, refused, rendered, room
 
 folder = Path(sys.argv[1])

@@ -10,7 +10,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
-
 from session import add_camera, add_lamp, answer, as_exr, begin, corners, cycles, refused, write_panorama
 
 SCENES = {}
@@ -154,6 +153,8 @@ def mixed(first, second, share):
     return made, mix
 
 
+INNER = ("POINT", {"Scale": (0.9, 0.9, 0.9), "Location": (0.05, 0.05, 0.05)})
+"""Off the edges of the image, where Cycles mixes the first and the last texel as codes and not as light."""
 SMALLER = ("POINT", {"Scale": (2, 2, 1), "Location": (-0.5, -0.5, 0)})
 RED, GREEN, WHITE, GREY = (0.8, 0.1, 0.05, 1.0), (0.1, 0.6, 0.2, 1.0), (1.0, 1.0, 1.0, 1.0), (0.5, 0.5, 0.5, 1.0)
 
@@ -436,7 +437,7 @@ def leaf_card(s):
 
 @scene()
 def generated_coordinates(s):
-    box(textured(coordinates="Generated")[0])
+    box(textured(coordinates="Generated", mapping=INNER)[0])
 
 
 @scene()
@@ -446,7 +447,7 @@ def object_coordinates(s):
 
 @scene()
 def box_projection(s):
-    box(textured(projection="BOX", coordinates="Generated")[0])
+    box(textured(projection="BOX", coordinates="Generated", mapping=INNER)[0])
 
 
 @scene()
@@ -662,7 +663,7 @@ def collection_instance(s):
 def many_instances(s):
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=7, y_subdivisions=7, size=1.4, location=MIDDLE - Vector((0, 0, 0.4)))
     carrier = bpy.context.object
-    piece = box(textured(coordinates="Generated")[0], (0, 0, 0), 0.12)
+    piece = box(textured(coordinates="Generated", mapping=INNER)[0], (0, 0, 0), 0.12)
     piece.parent = carrier
     carrier.instance_type = "FACES"
     carrier.show_instancer_for_render = False
@@ -697,12 +698,6 @@ def indirect_only(s):
     item = ball(principled(Base_Color=RED))
     move_to(item, group)
     bpy.context.view_layer.layer_collection.children["indirect"].indirect_only = True
-
-
-@scene()
-def material_override(s):
-    ball(principled(Base_Color=RED), radius=0.3)
-    bpy.context.view_layer.material_override = principled(Base_Color=GREEN)
 
 
 @scene(missing="clip start")
@@ -808,7 +803,6 @@ def reset(s, room):
     for collection in [each for each in bpy.data.collections if not any(item.name in room for item in each.objects)]:
         bpy.data.collections.remove(collection)
     bpy.data.orphans_purge(do_recursive=True)
-    bpy.context.view_layer.material_override = None
     s.render.use_border = s.render.use_crop_to_border = False
     s.render.border_min_x, s.render.border_max_x, s.render.border_min_y, s.render.border_max_y = 0.0, 1.0, 0.0, 1.0
     add_camera(s, (WIDTH, HEIGHT), (0.0, -0.3, 1.3), (math.pi / 2, 0.0, 0.0)).data.lens = 40.0

@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 
 import bpy
-
 from session import answer
 
 first, second, served = map(Path, sys.argv[1:])

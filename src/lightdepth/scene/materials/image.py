@@ -64,7 +64,7 @@ def _eight_bit_file(path: Path, mode: Mode) -> NDArray[np.uint8]:
         return eight_bit(path.read_bytes(), mode)
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise ValueError(f"{path}: not an image that can be read ({why})") from error
+        raise ValueError(f"{path}: cannot be read: {why}") from error
 
 
 def eight_bit(content: bytes, mode: Mode) -> NDArray[np.uint8]:
@@ -79,7 +79,7 @@ def eight_bit(content: bytes, mode: Mode) -> NDArray[np.uint8]:
             image: Image.Image = Image.open(io.BytesIO(content))
             image.load()
     except UnidentifiedImageError as error:
-        raise ValueError("of no image format that is known") from error
+        raise ValueError("it is no image, or of a kind that is not supported; save it as .png or .jpg") from error
     except Image.DecompressionBombError as error:
         raise ValueError(f"it has more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} pixels") from error
     except MemoryError:

@@ -115,6 +115,10 @@ def checked(mesh: Mesh, keep_flat: bool = False) -> Mesh:
             raise ValueError(
                 f"{what}: {far.sum()} of {len(far)} are beyond {FARTHEST:g}, the first is vertex {far.argmax()}"
             )
+    for name in ("normals", "texture_coordinates", "colors", "rest"):
+        values = getattr(mesh, name)
+        if values is not None and len(values) != len(mesh.vertices):
+            raise ValueError(f"{name.replace('_', ' ')}: there are {len(values)}, but {len(mesh.vertices)} vertices")
     if len(mesh.faces) == 0:
         raise ValueError("the mesh has no triangles")
     outside = (mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))

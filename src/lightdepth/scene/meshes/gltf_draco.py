@@ -32,7 +32,7 @@ class DracoPrimitive:
         except SetupError as error:
             raise InputError(f"{file.path}: {place} is compressed with Draco; {error}") from error
         try:
-            self._mesh = draco.decode(file.view(how.buffer_view))
+            self._mesh = draco.decode(bytes(file.view(how.buffer_view)))
         except (InputError, MemoryError):
             raise
         except Exception as error:  # Its exceptions have no common base.

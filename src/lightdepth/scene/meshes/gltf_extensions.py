@@ -23,19 +23,19 @@ LEFT_OUT = {
     "KHR_materials_dispersion": "dispersion",
     "KHR_materials_iridescence": "iridescence",
     "KHR_materials_sheen": "sheen",
-    "KHR_materials_variants": "all variants of materials but the first",
+    "KHR_materials_variants": "variants of materials",
     "KHR_materials_volume_scatter": "scattering in volumes",
 }
 """Extensions without which a picture is still of the same thing."""
 MEANINGLESS = frozenset(
     {
         "AGI_articulations", "EXT_mesh_features", "EXT_structural_metadata", "FB_ngon_encoding",
-        "KHR_accessor_float64", "KHR_animation_pointer", "KHR_audio_emitter", "KHR_interactivity",
+        "KHR_animation_pointer", "KHR_audio_emitter", "KHR_interactivity",
         "KHR_node_hoverability", "KHR_node_selectability", "KHR_physics_rigid_bodies", "KHR_implicit_shapes",
         "KHR_xmp", "KHR_xmp_json_ld", "MSFT_lod", "MSFT_packing_normalRoughnessMetallic",
         "MSFT_packing_occlusionRoughnessMetallic", "VRM", "VRMC_vrm", "VRMC_springBone",
     }
-) - {"KHR_accessor_float64"}  # fmt: skip
+)  # fmt: skip
 """Extensions that change nothing in a picture of the scene at rest."""
 
 
@@ -49,8 +49,7 @@ def left_out_extensions(used: Iterable[str]) -> list[str]:
     notes = []
     for name in used:
         if name in LEFT_OUT:
-            notes.append(f"{name}: {LEFT_OUT[name]} are left out" if LEFT_OUT[name].endswith("s") else
-                         f"{name}: {LEFT_OUT[name]} is left out")  # fmt: skip
+            notes.append(f"{name} is left out ({LEFT_OUT[name]})")
         elif name not in APPLIED and name not in MEANINGLESS:
             notes.append(f"the extension {name[:60]} is not known and is left out")
     return notes

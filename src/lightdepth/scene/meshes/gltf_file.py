@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
-from lightdepth.files import is_file
 from lightdepth.images.radiance import READERS
 from lightdepth.scene.materials.image import eight_bit
 from lightdepth.scene.meshes.gltf_basisu import KTX2_MAGIC, decoded_ktx2
 from lightdepth.scene.meshes.gltf_extensions import unsupported_extensions
 from lightdepth.scene.meshes.gltf_meshopt import decompressed
 from lightdepth.scene.meshes.gltf_schema import Header, checked_header
+from lightdepth.scene.meshes.text_file import named_file
 
 _GLB_MAGIC, _GLB_JSON, _GLB_BINARY = b"glTF", b"JSON", b"BIN\0"
 Entry = TypeVar("Entry")
@@ -45,7 +45,7 @@ class GltfFile:
         content = path.read_bytes()
         self._binary: bytes | None = None
         self._buffers: dict[int, bytes] = {}
-        self._views: dict[int, bytes] = {}
+        self._views: dict[int, memoryview] = {}
         self._images: dict[int, NDArray[np.uint8]] = {}
         if content[:4] == _GLB_MAGIC:
             content = self._take_chunks(content)
@@ -84,6 +84,9 @@ class GltfFile:
         """Split a .glb file; keeps the binary chunk and returns the JSON."""
         if len(content) >= 8 and (version := struct.unpack_from("<I", content, 4)[0]) != 2:
             raise InputError(f"{self.path}: is glTF of version {version}; 2.0 is needed")
+        # What stands behind the length that the file says does not belong to it.
+        said = struct.unpack_from("<I", content, 8)[0] if len(content) >= 12 else 0
+        content = content[:said] if said >= 20 else content
         text, offset = b"", 12
         while offset + 8 <= len(content):
             length, kind = struct.unpack_from("<I4s", content, offset)
@@ -95,7 +98,7 @@ class GltfFile:
             elif kind == _GLB_BINARY and self._binary is None:
                 self._binary = chunk
             offset += 8 + length
-        return text
+        return text.rstrip(b"\0 ")  # Some programs fill up with zeros.
 
     def entry(self, entries: Sequence[Entry], index: int, what: str) -> Entry:
         """An entry of one of the header's lists.
@@ -119,7 +122,7 @@ class GltfFile:
                 raise InputError(f"{self.path}: buffer {index} has no data")
         return self._buffers[index]
 
-    def view(self, index: int) -> bytes:
+    def view(self, index: int) -> memoryview:
         """The bytes of a buffer view, decompressed."""
         if index not in self._views:
             view = self.entry(self.header.buffer_views, index, "buffer view")
@@ -131,10 +134,10 @@ class GltfFile:
                     f"{self.path}: buffer view {index} ends at byte {end} of buffer {packed.buffer}, which has "
                     f"{len(content)}; the file is cut off or damaged"
                 )
-            data = content[packed.byte_offset : end]
+            data = memoryview(content)[packed.byte_offset : end]
             if view.compression is not None:
                 try:
-                    data = decompressed(data, view.compression)
+                    data = memoryview(decompressed(bytes(data), view.compression))
                 except ValueError as error:
                     raise InputError(f"{self.path}: buffer view {index}: {error}") from error
             self._views[index] = data
@@ -145,7 +148,7 @@ class GltfFile:
         if index not in self._images:
             entry = self.entry(self.header.images, index, "image")
             if entry.buffer_view is not None:
-                data = self.view(entry.buffer_view)
+                data = bytes(self.view(entry.buffer_view))
             elif entry.uri is not None:
                 data = self._resource(entry.uri)
             else:
@@ -168,8 +171,7 @@ class GltfFile:
         uri = unquote(self.entry(self.header.images, index, "image").uri or "")
         if uri.startswith("data:") or Path(uri).suffix.lower() not in READERS:
             return None
-        file = self.path.parent / uri
-        if not is_file(file):
+        if (file := named_file(self.path.parent, uri)) is None:
             raise InputError(f"{self.path}: names the file {uri[:100]}, which does not exist in its folder")
         return file
 
@@ -182,7 +184,6 @@ class GltfFile:
                 raise InputError(f"{self.path}: data in the file itself is no valid base64") from error
         name = unquote(uri)
         for candidate in (name, uri):
-            file = self.path.parent / candidate
-            if is_file(file):
+            if (file := named_file(self.path.parent, candidate)) is not None:
                 return file.read_bytes()
         raise InputError(f"{self.path}: names the file {name[:200]}, which does not exist in its folder")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.errors import SetupError
 from lightdepth.packages import optional_package
@@ -49,6 +50,33 @@ def decompressed(data: bytes, how: Compression) -> bytes:
         filtered = meshopt.decode_filter_quat(filtered, count, stride)
     elif how.filter == "EXPONENTIAL":
         filtered = meshopt.decode_filter_exp(filtered, count, stride)
+    elif how.filter == "COLOR" and stride in (4, 8):
+        return _colours(filtered.view("<u1" if stride == 4 else "<u2").reshape(-1, 4))
     else:
         raise ValueError(f"is compressed with the meshopt filter {how.filter[:20]}, which is not supported")
     return filtered.tobytes()
+
+
+def _colours(stored: NDArray[np.unsignedinteger]) -> bytes:
+    """Undo the filter COLOR of ``KHR_meshopt_compression``, which the package does not know.
+
+    A row holds luma, two signed chroma components and alpha, all in fewer bits than its type has; the highest bit of
+    alpha says how many.
+    """
+    bits = 8 * stored.dtype.itemsize
+    luma, alpha = stored[:, 0].astype(np.int64), stored[:, 3].astype(np.int64)
+    orange, green = (stored[:, i].astype(f"i{stored.dtype.itemsize}").astype(np.int64) for i in (1, 2))
+    largest = alpha.copy()  # Of as many bits as are used.
+    for shift in (1, 2, 4, 8):
+        largest |= largest >> shift
+    colours = np.stack(
+        [
+            luma + orange - green,
+            luma + green,
+            luma - orange - green,
+            (alpha << 1 & largest) | (alpha & 1),  # The mark gives its place to one bit more.
+        ],
+        axis=1,
+    )
+    shares = np.clip(colours / np.maximum(largest, 1)[:, None], 0.0, 1.0)
+    return np.floor(shares * (2**bits - 1) + 0.5).astype(stored.dtype).tobytes()

@@ -65,6 +65,8 @@ class GltfPrimitive:
                 )
         how = primitive.extensions.KHR_draco_mesh_compression
         self._draco = None if how is None else DracoPrimitive(file, how, place)
+        positions = None if self._draco is None else self._draco.attribute("POSITION")
+        self._count = count if positions is None else len(positions)
 
     def attribute(self, name: str) -> NDArray[np.float64] | None:
         """An attribute as floats, shape (n, k), or ``None``."""
@@ -75,8 +77,14 @@ class GltfPrimitive:
         if self._draco is not None and (found := self._draco.attribute(name)) is not None:
             if found.shape[1] not in widths:
                 raise InputError(f"{self._file.path}: {self._place}: {name} has {found.shape[1]} numbers per element")
-            return self._accessors.as_described(index, found)
-        return self._accessors.floats(index, *widths)
+            values = self._accessors.as_described(index, found)
+        else:
+            values = self._accessors.floats(index, *widths)
+        if len(values) != self._count:
+            raise InputError(
+                f"{self._file.path}: {self._place}: {name} has {len(values)} elements, but POSITION has {self._count}"
+            )
+        return values
 
     def joints(self, name: str) -> NDArray[np.int64] | None:
         """``JOINTS_n`` as whole numbers, shape (n, 4), or ``None``."""

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
 
 Index = Annotated[int, Field(ge=0, lt=2**31)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
+Name = Annotated[str, BeforeValidator(lambda value: value if isinstance(value, str) else "")]
+"""For messages only."""
 Triple = tuple[Number, Number, Number]
 Quadruple = tuple[Number, Number, Number, Number]
 Matrix = Annotated[list[Number], Field(min_length=16, max_length=16)]
@@ -143,7 +145,7 @@ class MaterialExtensions(Named):
 class MaterialEntry(Part):
     """A material."""
 
-    name: str = ""
+    name: Name = ""
     pbr_metallic_roughness: MetallicRoughness | None = None
     normal_texture: TextureInfo | None = None
     emissive_texture: TextureInfo | None = None
@@ -178,7 +180,7 @@ class BufferView(Part):
     buffer: Index
     byte_offset: Index = 0
     byte_length: Index
-    byte_stride: Annotated[int, Field(ge=1, le=256)] | None = None
+    byte_stride: Annotated[int, Field(ge=0, le=256)] | None = None
     extensions: ViewExtensions = ViewExtensions()
 
     @property
@@ -309,7 +311,7 @@ class SceneEntry(Part):
 class ImageEntry(Part):
     """An image."""
 
-    name: str = ""
+    name: Name = ""
     uri: str | None = None
     buffer_view: Index | None = None
 

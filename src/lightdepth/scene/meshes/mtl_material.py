@@ -121,7 +121,7 @@ class _Reader:
         if statement is None:
             return []
         found = []
-        for word in statement.rest.split("#")[0].split():
+        for word in statement.rest.removeprefix("-halo").split("#")[0].split():
             try:
                 value = float(word)
             except ValueError:
@@ -155,21 +155,11 @@ class _Reader:
         ``Tr`` should be ``1 - d``; but many programs write ``Tr 1`` and mean opaque, for nobody models what cannot be
         seen.
         """
-        d, tr = self.numbers("d"), self.numbers("tr")
-        dissolve = [v for v in self._after_options("d") if v is not None] if "d" in self.statements and not d else d
-        if dissolve and (dissolve[0] > 0.0 or not tr or tr[0] >= 1.0):
-            return float(np.clip(dissolve[0], 0.0, 1.0))
-        if tr and tr[0] < 1.0:
-            return float(np.clip(1.0 - tr[0], 0.0, 1.0))
-        return 1.0
-
-    def _after_options(self, key: str) -> list[float | None]:
-        """The number behind ``-halo``."""
-        words = self.statements[key].rest.split()
-        try:
-            return [float(words[-1])] if words and words[0] == "-halo" else []
-        except ValueError:
-            return []
+        transparency = self.number("tr", 1.0)
+        dissolve = self.number("d", 0.0 if transparency < 1.0 else 1.0)
+        # Where the two contradict each other, the one by which something is seen is right.
+        opacity = dissolve if dissolve > 0.0 or transparency >= 1.0 else 1.0 - transparency
+        return float(np.clip(opacity, 0.0, 1.0))
 
     def opacity(self) -> Texture | float:
         """Opacity with its image, if there is one."""

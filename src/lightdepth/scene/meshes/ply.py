@@ -44,7 +44,7 @@ def read_ply(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
     positions = _columns(vertex, ("x", "y", "z"))
     if positions is None:
         raise InputError(f"{path}: its vertices have no x, y and z")
-    faces = _faces(path, file, len(positions), note)
+    faces = _faces(path, file, len(positions), with_materials, note)
     found = [_columns(vertex, names) for names in TEXTURE_COORDINATE_NAMES]
     mesh = Mesh(
         vertices=positions.astype(np.float64),
@@ -103,7 +103,7 @@ class _Faces:
         return _Faces(self.corners[which], uv, None if self.colors is None else self.colors[which])
 
 
-def _faces(path: Path, file: PlyFile, count: int, note: Note) -> _Faces:
+def _faces(path: Path, file: PlyFile, count: int, with_colors: bool, note: Note) -> _Faces:
     """The triangles of faces and of strips."""
     face = file.elements.get("face", Element(0))
     polygons = next((face.lists[name] for name in _FACE_NAMES if name in face.lists), None)
@@ -120,7 +120,7 @@ def _faces(path: Path, file: PlyFile, count: int, note: Note) -> _Faces:
         return _Faces(np.zeros((0, 3), np.int64))
     found = _Faces(np.zeros((0, 3), np.int64))
     if polygons is not None and face.count:
-        found = _filled(path, file, face, polygons, count, note)
+        found = _filled(path, file, face, polygons, with_colors, note)
     if lists is not None:
         triangles = strip_triangles(_whole(path, lists.values), lists.lengths)
         _check(path, triangles, count, "strip")
@@ -146,13 +146,14 @@ def _check(path: Path, corners: NDArray[np.int64], count: int, what: str) -> Non
         raise InputError(f"{path}: {what} {row} names vertices {corners[row].tolist()}, but there are {count}")
 
 
-def _filled(path: Path, file: PlyFile, face: Element, polygons: Lists, count: int, note: Note) -> _Faces:
+def _filled(path: Path, file: PlyFile, face: Element, polygons: Lists, with_colors: bool, note: Note) -> _Faces:
     """Triangles of the polygons, with what the polygons have."""
     kept = polygons.lengths >= 3
     if not kept.all():
         note(f"{(~kept).sum()} faces of fewer than three corners are left out")
     owner = np.repeat(np.arange(len(polygons.lengths)), polygons.lengths)
     indices = _whole(path, polygons.values)
+    count = file.elements["vertex"].count
     outside = (indices < 0) | (indices >= count)
     if outside.any():
         number = int(owner[outside.argmax()])
@@ -168,7 +169,7 @@ def _filled(path: Path, file: PlyFile, face: Element, polygons: Lists, count: in
         number = int(np.flatnonzero(kept)[found.crossing[0]])
         note(f"{len(found.crossing)} faces cross themselves, the first is face {number}; check their shape")
     source = np.flatnonzero(kept)[found.polygon]
-    colors = _colours(face, "faces", note)
+    colors = _colours(face, "faces", note) if with_colors else None
     texture = face.columns.get("texnumber")
     return _Faces(
         corners[found.corners],
@@ -271,7 +272,7 @@ def _colours(element: Element, what: str, note: Note) -> NDArray[np.float32] | N
     if names is None or not element.count:
         return None
     alpha = next((element.columns[name] for name in ALPHA_NAMES if name in element.columns), None)
-    if alpha is not None and np.ptp(alpha.astype(np.float64)) > 0:
+    if alpha is not None and (_scaled(alpha) < 1.0).any():
         note(f"the alpha of its {what}' colours is left out")
     codes = np.stack([_scaled(element.columns[name]) for name in names], axis=1)
     kind = element.columns[names[0]].dtype

@@ -38,7 +38,9 @@ def _is_ascii(content: bytes) -> bool:
     if not content[:512].lstrip(b"\xef\xbb\xbf \t\r\n").lower().startswith(b"solid"):
         return False
     count = int.from_bytes(content[80:_HEAD], "little")
-    return len(content) != _HEAD + count * _ROW.itemsize or len(content) < _HEAD
+    if len(content) == _HEAD + count * _ROW.itemsize:
+        return False
+    return b"facet" in content.lower() or b"\0" not in content
 
 
 def _binary(path: Path, content: bytes, with_materials: bool, note: Note) -> NDArray[np.float64]:
@@ -46,6 +48,10 @@ def _binary(path: Path, content: bytes, with_materials: bool, note: Note) -> NDA
     if len(content) < _HEAD:
         raise InputError(f"{path}: not a readable STL file: the {len(content)} bytes have no triangles")
     count = int.from_bytes(content[80:_HEAD], "little")
+    body = len(content) - _HEAD
+    if count == 0 and body and body % _ROW.itemsize == 0:  # Written by a program that did not know the end.
+        count = body // _ROW.itemsize
+        note(f"says that it has no triangles, but has {count}; these are read")
     size = count * _ROW.itemsize
     if len(content) < _HEAD + size:
         raise InputError(

@@ -36,7 +36,7 @@ def logical_lines(text: str) -> list[str]:
             joined.append("")
         else:
             joined.append(line)
-        if line.rstrip().endswith("\\"):
+        if line.rstrip().endswith("\\") and not line.lstrip().startswith("#"):  # A comment may end in a folder's name.
             start = len(joined) - 1 if start is None else start
             joined[start] = joined[start].rstrip()[:-1]
         else:

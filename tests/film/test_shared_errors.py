@@ -1,0 +1,102 @@
+"""What all pixels have in common is estimated, reported, and counts for a wanted noise."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+from lightdepth.api import begin_rendering  # noqa: E402
+from lightdepth.cameras import Perspective  # noqa: E402
+from lightdepth.film import rendering as rendering_module  # noqa: E402
+from lightdepth.film.shared_errors import CacheUse, ListUse, difference_error  # noqa: E402
+from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
+
+SEEDS, SAMPLES = 16, 1024
+TILE = 4
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Seen by so few pixels that their own noise is soon small."""
+    scene = room(lamp_image(128), [ball(GREY)])
+    camera = Perspective(type="perspective", width=24, height=16, fov=80)
+    return replace(scene, cameras={"view": replace(scene.cameras["view"], camera=camera)})
+
+
+def test_the_estimate_is_what_is_seen_over_seeds(scene, monkeypatch):
+    """One short light list for all paths; as many training paths at first as a large picture has.
+
+    Means of tiles have a quarter of the pixels' own errors and all of the common one, which varies slowly over the
+    picture.
+    """
+    monkeypatch.setattr(rendering_module, "LIGHTS", 512)
+    monkeypatch.setattr(rendering_module, "LIGHTS_SERVE", 1 << 40)
+    monkeypatch.setattr(rendering_module, "FIRST_SHARE", 4.0)
+    pictures, own, common = [], [], []
+    for seed in range(SEEDS):
+        rendering = begin_rendering(scene, "view", seed=seed)
+        list(rendering.run(SAMPLES))
+        frame = rendering.frame(auxiliary=False)
+        pictures.append(frame.beauty)
+        light_list, cache = (float(frame.metadata[name]) for name in ("light_list_error", "cache_error"))
+        assert light_list > 0.0
+        common.append(light_list**2 + cache**2)
+        own.append(np.mean(np.square(rendering._own_errors())))
+        irradiance = rendering._common_variance()[0]
+        expected = math.sqrt(own[-1] + common[-1] + float(np.mean(irradiance)))
+        assert float(frame.metadata["error"]) == pytest.approx(expected, rel=0.02)
+    tiles = (
+        np.stack(pictures).astype(np.float64).reshape(SEEDS, 16 // TILE, TILE, 24 // TILE, TILE, 3).mean(axis=(2, 4))
+    )
+    relative = tiles.var(axis=0, ddof=1).mean(axis=2) / np.square(tiles.mean(axis=(0, 3)))
+    observed = relative.mean() - np.mean(own) / TILE**2
+    # The variance over 16 seeds is known to a factor of two where all tiles err alike.
+    assert 0.5 < math.sqrt(np.mean(common) / observed) < 2.0
+
+
+def test_what_is_in_common_counts_for_a_wanted_noise(scene, monkeypatch):
+    spent = []
+    for irradiance in (0.0, 0.02):
+        rendering = begin_rendering(scene, "view", seed=1)
+        report = replace(rendering._prepared.irradiance, mean_error=irradiance)
+        rendering._prepared = replace(rendering._prepared, irradiance=report)
+        list(rendering.run(4096, 0.02))
+        spent.append(rendering.frame(auxiliary=False).samples)
+    changed = np.abs(rendering.frame(auxiliary=False).change).mean(axis=2) > 0.02
+    assert spent[1].mean() > spent[0].mean()
+    assert (spent[1][changed] >= spent[0][changed]).mean() > 0.9
+
+
+def test_lists_and_caches_count_by_how_they_were_used():
+    lists = ListUse()
+    assert lists.share(10) == 1.0
+    for _ in range(4):
+        lists.next_list()
+        lists.add(100, 10)
+    assert lists.share(10) == pytest.approx(1 / 4)
+    # Four lists, but each pixel has been in one pass only.
+    rows = ListUse()
+    for _ in range(4):
+        rows.next_list()
+        rows.add(100, 10)
+    assert rows.share(40) == 1.0
+    cache = CacheUse()
+    cache.add(100, 50)
+    assert cache.share(50) == pytest.approx(1.0)
+    # Of means x of 1 and y of 1 + 3 records, y = (x + 3 z) / 4, half of the paths each: var (x + y) / 2 by hand.
+    cache = CacheUse()
+    cache.add(1, 1)
+    cache.add(1, 4)
+    assert cache.share(4) == pytest.approx(4 * np.square([5 / 8, 3 / 8 / math.sqrt(3)]).sum())
+
+
+def test_the_difference_is_found_beneath_noise():
+    generator = np.random.default_rng(1)
+    common = generator.normal(0.0, 0.1, (200_000, 3))
+    noisy = [common + generator.normal(0.0, 0.5, common.shape) for _ in range(2)]
+    assert difference_error(*noisy, np.full(len(common), 2.0)) == pytest.approx(0.05, rel=0.05)

@@ -1,0 +1,169 @@
+"""Sources that were clipped on purpose, recovered from what they light."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from bench.places import PLACES
+from bench.places.meshes import rectangle
+from bench.truth import truth
+
+from lightdepth.directions import latlong_to_direction, pixel_directions, pixel_solid_angles
+from lightdepth.errors import InputError
+from lightdepth.images.radiance import read_radiance
+from lightdepth.lighting.clipped import recover_clipped
+from lightdepth.lighting.explained import ExplainedLight
+from lightdepth.lighting.panorama_view import PanoramaView
+from lightdepth.scene.lights.clipped import ClippedSource, unclipped
+from lightdepth.scene.model import Panorama, RealSurface, Role, Scene
+
+WIDTH = 512
+TIMES_THE_MEAN = (1.0, 4.0, 64.0)
+
+
+@pytest.fixture(scope="module")
+def court():
+    """The court, its sun's irradiance on a surface that faces it, and the sun's direction."""
+    place = PLACES["court"]()
+    sky = place.sky
+    direction = np.array(sky.sun_direction) / np.linalg.norm(sky.sun_direction)
+    irradiance = np.array(sky.sun_radiance) * np.pi * np.sin(np.radians(0.5 * sky.sun_diameter)) ** 2
+    return place.scene(WIDTH, 64), irradiance, direction, sky.sun_diameter
+
+
+def clipped(scene, times):
+    radiance = scene.panorama.radiance
+    limit = np.float32(times * radiance.mean())
+    return replace(scene, panorama=replace(scene.panorama, radiance=np.minimum(radiance, limit)))
+
+
+@pytest.mark.parametrize("times", TIMES_THE_MEAN)
+def test_the_court_s_sun_is_recovered_from_the_shadows_of_its_walls(court, times):
+    scene, irradiance, direction, diameter = court
+    found = recover_clipped(clipped(scene, times), diameter=diameter)[0]
+    assert found.method == "shadow edges"
+    np.testing.assert_allclose(found.irradiance, irradiance, rtol=0.10)
+    assert np.all(found.low <= irradiance)
+    assert np.all(irradiance <= found.high)
+    u, v = np.array(found.source.pixel) / (WIDTH, WIDTH / 2)
+    toward = scene.panorama.rotation @ latlong_to_direction(u, v)
+    assert np.degrees(np.arccos(toward @ direction)) < 0.75
+
+
+def test_the_corrected_map_lights_like_the_whole_one(court):
+    scene, _, _, diameter = court
+    cut = clipped(scene, 8.0)
+    found = recover_clipped(cut, diameter=diameter)[0]
+    mended = replace(cut, panorama=replace(cut.panorama, unclipped=unclipped(cut.panorama.radiance, found.source)))
+    points = np.array([[0.0, 1.0, 0.0], [1.5, 2.0, 0.0], [-4.8, 0.0, 0.0]])  # The last lies in a wall's shadow.
+    normals = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+    whole, cut_light, mended_light = (
+        ExplainedLight(each.panorama, each.real).irradiance(points, normals, 1024) for each in (scene, cut, mended)
+    )
+    assert np.all(cut_light[:2] < 0.6 * whole[:2])
+    np.testing.assert_allclose(mended_light[:2], whole[:2], rtol=0.08)
+    # Depth of the shadow: what stays of the light in it.
+    np.testing.assert_allclose(mended_light[2] / mended_light[0], whole[2] / whole[0], atol=0.03)
+
+
+def test_a_sun_that_was_not_clipped_is_left_alone(court):
+    scene, _, _, diameter = court
+    (found,) = recover_clipped(scene, diameter=diameter)
+    assert (found.source, found.method) == (None, "not clipped")
+
+
+@pytest.fixture(scope="module")
+def grass(shared_data):
+    """A real meadow with the sun near the zenith, over a plane: nothing in the model throws a shadow."""
+    radiance = read_radiance(shared_data / "hdr" / "noon_grass_1k.hdr")
+    ground = RealSurface("ground", rectangle((-50.0, -50.0, 0.0), (100.0, 0.0, 0.0), (0.0, 100.0, 0.0)), Role.SUPPORT)
+    return Scene(Panorama(radiance, np.array([0.0, 0.0, 1.6]), np.eye(3), sky=True), (ground,))
+
+
+def test_a_sun_over_a_plane_is_left_with_bounds(grass):
+    found = recover_clipped(clipped(grass, 8.0))[0]
+    assert (found.source, found.method, found.confidence) == (None, "none", "none")
+    true = sun_of(grass)
+    assert np.all(found.low <= true)
+    assert np.all(true <= found.high)
+
+
+@pytest.mark.parametrize("times", TIMES_THE_MEAN)
+def test_places_of_known_albedo_tell_the_meadow_s_sun(grass, times):
+    view, places = PanoramaView(grass), np.array([[500.5, 380.5], [300.5, 400.5], [700.5, 390.5]])
+    seen = view.look(places)
+    light = ExplainedLight(grass.panorama, grass.real).irradiance(seen.point, seen.normal, 1024)
+    steps = [np.array([dx, dy]) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+    albedo = np.pi * np.mean([view.colour(places + step) for step in steps], axis=0) / light
+    grey = [f"{x},{y} {r} {g} {b}" for (x, y), (r, g, b) in zip(places, albedo)]
+    found = recover_clipped(clipped(grass, times), grey=grey)[0]
+    assert found.method == "known albedo"
+    np.testing.assert_allclose(found.irradiance, sun_of(grass), rtol=0.10)
+
+
+def sun_of(scene):
+    """Irradiance from within one degree of the brightest place."""
+    radiance = scene.panorama.radiance.astype(float)
+    height, width = radiance.shape[:2]
+    angles, directions = pixel_solid_angles(height, width)[:, None], pixel_directions(height, width)
+    bright = radiance.mean(axis=2) > 0.2 * radiance.mean(axis=2).max()
+    middle = (directions * (angles * bright)[..., None]).sum(axis=(0, 1))
+    near = directions @ (middle / np.linalg.norm(middle)) > np.cos(np.radians(1.0))
+    return (radiance * (angles * near)[..., None]).sum(axis=(0, 1))
+
+
+@pytest.mark.parametrize(
+    ("option", "text", "words"),
+    [
+        ("pairs", "10,200", "1 points, 2 are needed"),
+        ("pairs", "500,380 500,100", "point 2 lies on no real surface"),
+        ("grey", "500,380", "write a place and its albedo"),
+        ("grey", "500,380 1.5", "not between 0.01 and 1"),
+        ("grey", "500,380 1 1 1", "the albedo is too large"),
+    ],
+)
+def test_bad_clicks_are_refused_in_words(grass, option, text, words):
+    with pytest.raises(InputError, match=words):
+        recover_clipped(clipped(grass, 8.0), **{option: [text]})
+
+
+def test_a_disc_gets_its_solid_angle_wherever_it_is():
+    radiance = np.full((64, 128, 3), 1.0, np.float32)
+    angles = pixel_solid_angles(64, 128)[:, None]
+    for pixel, diameter in (((20.3, 30.7), 10.0), ((127.9, 40.2), 12.0), ((64.0, 32.0), 0.5), ((5.0, 1.5), 9.0)):
+        light = unclipped(radiance, ClippedSource(pixel, np.array([101.0, 51.0, 1.0]), diameter))
+        wanted = 4.0 * np.pi * np.sin(0.25 * np.radians(diameter)) ** 2
+        more = ((light - radiance) * angles[..., None]).sum(axis=(0, 1))
+        np.testing.assert_allclose(more, [100.0 * wanted, 50.0 * wanted, 0.0], rtol=0.02)
+
+
+def test_a_plateau_is_raised_across_the_seam_and_nothing_else():
+    radiance = np.full((8, 16, 3), 1.0, np.float32)
+    radiance[3, [14, 15, 0, 1]] = 5.0
+    radiance[6, 7] = 5.0
+    light = unclipped(radiance, ClippedSource((0.5, 3.5), np.array([50.0, 40.0, 30.0])))
+    raised = np.zeros((8, 16), bool)
+    raised[3, [14, 15, 0, 1]] = True
+    np.testing.assert_array_equal(light[raised], np.broadcast_to([50.0, 40.0, 30.0], (4, 3)))
+    np.testing.assert_array_equal(light[~raised], radiance[~raised])
+
+
+def test_a_pixel_beside_the_panorama_is_refused():
+    with pytest.raises(InputError, match="pixel 16,3 is not on the panorama of 16 x 8 pixels"):
+        unclipped(np.ones((8, 16, 3), np.float32), ClippedSource((16.0, 3.0), np.ones(3)))
+
+
+def test_a_lamp_and_a_window_are_recovered_from_how_their_light_falls_off():
+    place = PLACES["lamp_and_window"]()
+    seen = truth(place, "panorama", 192, 128, objects=False)
+    rotation = place.camera("panorama", 192).rotation
+    real = tuple(RealSurface(part.name, part.mesh, part.role) for part in place.parts)
+    whole = Panorama(seen.mean.astype(np.float32), np.array(place.position), rotation)
+    limit = np.float32(8.0 * whole.radiance.mean())
+    assert limit < 6.0  # Below both the window and the lamp, above the walls.
+    found = recover_clipped(Scene(replace(whole, radiance=np.minimum(whole.radiance, limit)), real))
+    assert [each.method for each in found] == ["falloff", "falloff"]
+    angles = pixel_solid_angles(96, 192)[:, None]
+    for each in found:
+        true = (whole.radiance * (angles * each.plateau.pixels)[..., None]).sum(axis=(0, 1))
+        np.testing.assert_allclose(each.irradiance, true, rtol=0.12)
