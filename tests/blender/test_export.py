@@ -88,6 +88,21 @@ def test_a_material_override_is_worn_by_every_new_object(exported):
         assert things[name].parts[0].material.base_color == pytest.approx((0.8, 0.1, 0.05), abs=1e-3)
 
 
+def test_colours_of_another_working_space_are_the_same_colours(exported):
+    folder, found = exported
+    if not found["working space"]:
+        pytest.skip("before Blender 5.0 there is only linear Rec.709")
+    first, second = (
+        {thing.name: thing.parts[0].material for thing in load_scene(folder / f"{name}.toml").synthetic}
+        for name in ("scene", "acescg")
+    )
+    assert second[NAME].base_color == pytest.approx(first[NAME].base_color, abs=1e-3)
+    glow = [np.array(things["Neon"].emission) * things["Neon"].emission_strength for things in (first, second)]
+    assert glow[1] == pytest.approx(glow[0], rel=2e-3)
+    lamp = [np.array(things["Panel"].emission) * things["Panel"].emission_strength for things in (first, second)]
+    assert lamp[1] == pytest.approx(lamp[0], rel=2e-3)
+
+
 def test_exporting_leaves_the_file_as_it_was(exported):
     _, found = exported
     assert found["left as it was"] == [True] * 4

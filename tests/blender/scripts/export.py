@@ -124,6 +124,11 @@ for name in (cube.name, "Twin", "Ball copy 1", "Sheared", "Slanted"):
 bpy.context.view_layer.material_override = plastic
 bpy.ops.lightdepth.export_scene(filepath=f"{folder}/override.toml")
 bpy.context.view_layer.material_override = None
+found["working space"] = hasattr(bpy.data, "colorspace")
+if found["working space"]:
+    bpy.ops.wm.set_working_color_space(working_space="ACEScg", convert_colors=True)
+    bpy.ops.lightdepth.export_scene(filepath=f"{folder}/acescg.toml")
+    bpy.ops.wm.set_working_color_space(working_space="Linear Rec.709", convert_colors=True)
 bpy.data.objects["Camera"].data.type = "ORTHO"
 found["orthographic"] = refused(bpy.ops.lightdepth.export_scene, filepath=f"{folder}/flat.toml")
 answer(**found)
