@@ -15,7 +15,7 @@ start("cpu")
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.film import rendering  # noqa: E402
-from lightdepth.film.rendering import PILOT_SAMPLES  # noqa: E402
+from lightdepth.film.schedule import PILOT_SAMPLES  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
 

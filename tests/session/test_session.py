@@ -13,7 +13,7 @@ start("cpu")
 import lightdepth  # noqa: E402
 from lightdepth.api import forget_prepared  # noqa: E402
 from lightdepth.errors import InputError  # noqa: E402
-from lightdepth.film import rendering as rendering_module  # noqa: E402
+from lightdepth.film import schedule  # noqa: E402
 from lightdepth.film.layers import read_frame  # noqa: E402
 from lightdepth.session import events  # noqa: E402
 from lightdepth.session.displays import ExrDisplay, MemoryDisplay, PngDisplay  # noqa: E402
@@ -32,7 +32,7 @@ def scene():
 
 @pytest.fixture
 def small_passes(monkeypatch):
-    monkeypatch.setattr(rendering_module, "PATHS", 1 << 12)
+    monkeypatch.setattr(schedule, "PATHS", 1 << 12)
 
 
 class Watched(Session):

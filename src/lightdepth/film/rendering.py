@@ -23,6 +23,7 @@ from lightdepth.film.cryptomatte import shape_names
 from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.plate import kept_plate
+from lightdepth.film.schedule import QUANTUM, Region, Round, Target, passes, pilot_samples
 from lightdepth.film.selection import influenced_pixels
 from lightdepth.film.shared_errors import (
     CACHE_PROBES,
@@ -50,18 +51,6 @@ from lightdepth.transport.integrator import CameraSums
 from lightdepth.transport.radiance_cache import RadianceCache
 from lightdepth.transport.sampler import Sampler, begin_path
 
-PATHS = 1 << 21
-"""Paths of one pass; more gain no speed."""
-AT_ONCE = 256
-"""Samples that a pixel gets at most before all others have got theirs."""
-PACKET = 16
-"""Lanes that run side by side, at most."""
-SPREAD = 64
-"""Packets that want equally many samples are at least so far apart, where there are enough."""
-PILOT_SAMPLES = 16
-"""Samples that every pixel gets, at most half of all, before the rest is spent where the error is."""
-QUANTUM = 4
-"""Further samples come in multiples of this."""
 MOST_SHARE = 16
 """No pixel gets more than this many times the average number of samples."""
 NEIGHBOURS = 5
@@ -110,52 +99,6 @@ class Progress:
     samples: float
     error: float
     seconds_left: float
-
-
-Region = tuple[int, int, int, int]
-"""Columns and rows of an image: left, top, right, bottom, the last two beyond it."""
-
-
-@dataclass(frozen=True)
-class Target:
-    """What a rendering works toward; the attributes are the arguments of :meth:`Rendering.run`.
-
-    Raises:
-        InputError: one is out of range.
-    """
-
-    samples: int
-    noise: float | None = None
-    region: Region | None = None
-
-    def __post_init__(self) -> None:
-        if self.samples < 1:
-            raise InputError(f"samples = {self.samples}: at least 1 is needed")
-        if self.noise is not None and not 0.0 < self.noise < math.inf:
-            raise InputError(f"noise = {self.noise}: more than 0 is needed")
-        if self.region is not None:
-            left, top, right, bottom = self.region
-            if not (0 <= left < right and 0 <= top < bottom):
-                raise InputError(f"region = {self.region}: it is left, top, right, bottom, in pixels, and not empty")
-
-
-@dataclass
-class Round:
-    """Passes that were decided on together.
-
-    Attributes:
-        target: what they are for.
-        wanted: samples for each pixel of the list, shape (n,), int32.
-        total: samples that the whole image will have taken, as far as is known.
-        begun: passes of it that have been made.
-        pilot: the samples by which the rest is divided among the pixels.
-    """
-
-    target: Target
-    wanted: NDArray[np.int32]
-    total: int
-    begun: int = 0
-    pilot: bool = True
 
 
 class Rendering:
@@ -235,7 +178,7 @@ class Rendering:
             self._round = self._pilot_round(target)
         while True:
             this = self._round
-            for slots, counts in islice(_passes(this.wanted), this.begun, None):
+            for slots, counts in islice(passes(this.wanted), this.begun, None):
                 self._sample(slots, counts, everywhere=this.pilot)
                 this.begun += 1
                 done, elapsed = self._spent(), time.monotonic() - start
@@ -255,7 +198,7 @@ class Rendering:
         """Samples that this process will have taken when all is done."""
         if self.share.count == 1:
             return max(this.total, 1)
-        pilot = _pilot(this.target.samples) * len(self.pixels)
+        pilot = pilot_samples(this.target.samples) * len(self.pixels)
         return max(pilot + (this.total - pilot) / self.share.count, 1)
 
     def complete(
@@ -562,7 +505,7 @@ class Rendering:
     def _pilot_round(self, target: Target) -> Round:
         """What a target begins with: no pixel has fewer samples than the pilot takes."""
         taken = self._accumulator.taken.astype(np.int64)
-        wanted = self._inside(np.maximum(_pilot(target.samples) - taken, 0), target).astype(np.int32)
+        wanted = self._inside(np.maximum(pilot_samples(target.samples) - taken, 0), target).astype(np.int32)
         inside = self._inside(np.ones(taken.size, np.int64), target)
         return Round(target, wanted, int((taken * (1 - inside)).sum() + target.samples * inside.sum()))
 
@@ -735,27 +678,3 @@ class Rendering:
         sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, lights, cache)
         dr.eval(sums)
         return sums
-
-
-def _pilot(samples: int) -> int:
-    """Samples that every pixel gets of ``samples`` a pixel; few ones are not worth dividing."""
-    return min(samples, max(QUANTUM, min(PILOT_SAMPLES, samples // 2)))
-
-
-def _passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int32]]]:
-    """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each).
-
-    Lanes of a packet wait for each other, and so do processor cores: pixels that want equally many form packets, and
-    packets that want many are spread among the others.
-    """
-    for begun in range(0, int(wanted.max(initial=0)), AT_ONCE):
-        for first in range(0, len(wanted), PATHS):
-            counts = np.clip(wanted[first : first + PATHS] - begun, 0, AT_ONCE)
-            order = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]
-            if not len(order):
-                continue
-            packet = np.arange(len(order)) // PACKET
-            order = order[np.argsort((packet % SPREAD).astype(np.uint8), kind="stable")]
-            paths = np.cumsum(counts[order], dtype=np.int64)
-            for part in np.array_split(order, np.searchsorted(paths, np.arange(PATHS, paths[-1], PATHS))):
-                yield first + part, counts[part]

@@ -1,0 +1,93 @@
+"""Which samples are taken when: targets, the rounds that lead to them, and passes of bounded size."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.errors import InputError
+
+PATHS = 1 << 21
+"""Paths of one pass; more gain no speed."""
+AT_ONCE = 256
+"""Samples that a pixel gets at most before all others have got theirs."""
+PACKET = 16
+"""Lanes that run side by side, at most."""
+PACKET_DISTANCE = 64
+"""Packets that want equally many samples are at least so far apart, where there are enough."""
+PILOT_SAMPLES = 16
+"""Samples that every pixel gets, at most half of all, before the rest is spent where the error is."""
+QUANTUM = 4
+"""Further samples come in multiples of this."""
+Region = tuple[int, int, int, int]
+"""Columns and rows of an image: left, top, right, bottom, the last two beyond it."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a rendering works toward; the attributes are the arguments of :meth:`Rendering.run`.
+
+    Raises:
+        InputError: one is out of range.
+    """
+
+    samples: int
+    noise: float | None = None
+    region: Region | None = None
+
+    def __post_init__(self) -> None:
+        if self.samples < 1:
+            raise InputError(f"samples = {self.samples}: at least 1 is needed")
+        if self.noise is not None and not 0.0 < self.noise < math.inf:
+            raise InputError(f"noise = {self.noise}: more than 0 is needed")
+        if self.region is not None:
+            left, top, right, bottom = self.region
+            if not (0 <= left < right and 0 <= top < bottom):
+                raise InputError(f"region = {self.region}: it is left, top, right, bottom, in pixels, and not empty")
+
+
+@dataclass
+class Round:
+    """Passes that were decided on together.
+
+    Attributes:
+        target: what they are for.
+        wanted: samples for each pixel of the list, shape (n,), int32.
+        total: samples that the whole image will have taken, as far as is known.
+        begun: passes of it that have been made.
+        pilot: the samples by which the rest is divided among the pixels.
+    """
+
+    target: Target
+    wanted: NDArray[np.int32]
+    total: int
+    begun: int = 0
+    pilot: bool = True
+
+
+def pilot_samples(samples: int) -> int:
+    """Samples that every pixel gets of ``samples`` a pixel; few ones are not worth dividing."""
+    return min(samples, max(QUANTUM, min(PILOT_SAMPLES, samples // 2)))
+
+
+def passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int32]]]:
+    """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each).
+
+    Lanes of a packet wait for each other, and so do processor cores: pixels that want equally many form packets, and
+    packets that want many are spread among the others.
+    """
+    for begun in range(0, int(wanted.max(initial=0)), AT_ONCE):
+        for first in range(0, len(wanted), PATHS):
+            counts = np.clip(wanted[first : first + PATHS] - begun, 0, AT_ONCE)
+            order = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]
+            if not len(order):
+                continue
+            packet = np.arange(len(order)) // PACKET
+            order = order[np.argsort((packet % PACKET_DISTANCE).astype(np.uint8), kind="stable")]
+            paths = np.cumsum(counts[order], dtype=np.int64)
+            for part in np.array_split(order, np.searchsorted(paths, np.arange(PATHS, paths[-1], PATHS))):
+                yield first + part, counts[part]
