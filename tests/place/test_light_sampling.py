@@ -116,7 +116,7 @@ def test_the_jacobian_goes_to_one_as_depth_grows():
         directions = generator.normal(size=(3, 2000))
         w = mi.Vector3f((directions / np.linalg.norm(directions, axis=0)).astype(np.float32))
         hit = place.surfaces.first_real(mi.Ray3f(mi.Point3f(CAPTURE + offset), w), mi.Bool(True))
-        w0, _ = place.from_capture(hit, w)
+        w0, _ = place.photograph.from_capture(hit, w)
         _, at_capture = place.photograph.map.radiance_and_pdf(w0)
         _, here = seen(place, hit, w)
         ratio = (here / at_capture).numpy()

@@ -133,7 +133,7 @@ def _recovered(
     if sunlight is not None and plateau.spread > max(SMALL, 0.75 * diameter):
         found = _sun_within(scene, view, sunlight, explained, plateau)
         direction, sun = (plateau.direction, False) if found is None else (found, True)
-    place = _source_at(scene, view, plateau, direction, diameter if sun else None)
+    place = _source_at(scene, plateau, direction, diameter if sun else None)
     share = covered(scene.panorama.radiance, place)
     angles = pixel_solid_angles(*share.shape)[:, None] * share
     now = (scene.panorama.radiance * angles[..., None]).sum(axis=(0, 1)).astype(np.float64)
@@ -169,9 +169,7 @@ def _recovered(
     return RecoveredSource(plateau, source, method, total, now, low, high, relative, confidence)
 
 
-def _source_at(
-    scene: Scene, view: PanoramaView, plateau: Plateau, direction: FloatArray, diameter: float | None
-) -> ClippedSource:
+def _source_at(scene: Scene, plateau: Plateau, direction: FloatArray, diameter: float | None) -> ClippedSource:
     if diameter is None:
         return ClippedSource(plateau.pixel, np.zeros(3))
     u, v = direction_to_latlong(direction @ scene.panorama.rotation)

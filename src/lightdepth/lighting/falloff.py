@@ -15,10 +15,8 @@ POINTS = 2000
 SAMPLES = 512
 FEWEST = 40
 GAINS = np.geomspace(1.0, 1e5, 301)
-LEAST_CHANGE = 0.1
-"""Logarithm by which the source's share must vary over surfaces, at the found gain, to tell anything."""
 CLEARLY = 1.05
-"""How much larger the misfit must be without the gain, or far beyond it."""
+"""How much larger the misfit must be far beyond the gain that is found."""
 CORRELATED = 10.0
 """Neighbouring points share what is wrong with them: about one in so many stands for itself."""
 

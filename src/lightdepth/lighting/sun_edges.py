@@ -199,7 +199,6 @@ def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
         np.tile(offsets, count),
     )
     profile = (view.colour(places) @ REC709).reshape(count, len(offsets))
-    near = np.abs(offsets) <= HALF_EDGE + 1.0
     same = view.look(places).surface.reshape(count, -1) == edges.surface[:, None]
     plateau, half = round(PLATEAU / STEP), round(HALF_EDGE / STEP)
     sums = np.concatenate([np.zeros((count, 1)), np.cumsum(profile, axis=1)], axis=1)
@@ -214,7 +213,7 @@ def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     step = np.where(broken | (high < LEAST_STEP * low) | (low <= 0.0), -np.inf, slope / np.maximum(low + high, 1e-30))
     best = np.argmax(step, axis=1)
     index = np.arange(count)
-    found = np.isfinite(step[index, best]) & (step[index, best] > 0.0) & near.any()
+    found = np.isfinite(step[index, best]) & (step[index, best] > 0.0)
     middle = at[best]
     dark, bright = low[index, best], high[index, best]
     window = middle[:, None] + np.arange(-half, half + 1)

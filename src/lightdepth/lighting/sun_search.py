@@ -97,7 +97,7 @@ class SunSearch:
             if not len(directions):
                 return []
             directions = directions[self._allowed(directions)]
-            agreement = self._agreement(directions, self._near(directions))
+            agreement = self._agreement(directions, self._enough(len(directions)))
         order = _peaks(directions, agreement, KEPT, 1.5)
         return [Candidate(directions[i], float(agreement[i])) for i in order]
 
@@ -114,9 +114,9 @@ class SunSearch:
             )
         return allowed
 
-    def _near(self, directions: FloatArray) -> NDArray[np.intp]:
-        """All the points: a finer search needs every one of them."""
-        return np.arange(len(self._points)) if len(directions) < 200 else np.arange(0, len(self._points), 2)
+    def _enough(self, directions: int) -> NDArray[np.intp]:
+        """Points for a finer search: all of them for few directions, half of them for many."""
+        return np.arange(0, len(self._points), 1 if directions < 200 else 2)
 
     def _agreement(self, directions: FloatArray, chosen: NDArray[np.intp]) -> FloatArray:
         """Correlation for each direction, shape (n,), over the chosen points; -1 where it lights next to nothing."""
