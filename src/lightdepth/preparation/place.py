@@ -89,10 +89,10 @@ def prepare_place(
     real, errors = recovered.real, recovered.errors
     surfaces = TracedSurfaces(real)
     place = empty.with_surfaces(surfaces)
-    if recovered.mirrored is not None:
-        place = place.with_mirrored(recovered.mirrored)
     if modelled.deformed:
         place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)
+    if recovered.mirrored is not None:
+        place = place.with_mirrored(recovered.mirrored)
     prepared = PreparedPlace(place, real, errors)
     with _lock:
         _kept[key] = prepared
