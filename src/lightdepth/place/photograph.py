@@ -15,7 +15,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.directions import pixel_directions
+from lightdepth.directions import latlong_to_direction as direction_of_latlong
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.variables import as_matrix, as_point
@@ -29,6 +29,8 @@ from lightdepth.scene.model import Panorama
 
 DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
+SKY_ROWS = 1024
+"""Rows of pixels, at most, from which the sky's mean radiance is taken."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; what lies no further from a real point's plane does not hide it for certain."""
 
@@ -201,8 +203,12 @@ class Photograph(RealLight):
         sky = np.isinf(self._depth.numpy()).reshape(self.map.height, self.map.width)
         if sky.all() or not sky.any():
             return None
-        upward = pixel_directions(self.map.height, self.map.width) @ panorama.rotation[2]
-        table = sky_by_elevation(panorama.light_radiance, sky, upward)
+        step = max(1, self.map.height // SKY_ROWS)  # Of a large panorama, directions of all pixels would not fit.
+        row, column = (np.arange(step // 2, size, step) for size in (self.map.height, self.map.width))
+        u, v = np.meshgrid((column + 0.5) / self.map.width, (row + 0.5) / self.map.height)
+        upward = direction_of_latlong(u, v) @ panorama.rotation[2]
+        some = np.ix_(row, column)
+        table = sky_by_elevation(panorama.light_radiance[some], sky[some], upward)
         return None if table is None else mi.Float(aligned(np.pad(table, ((0, 0), (0, 1)))))
 
     def _sky_at(self, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
