@@ -96,7 +96,7 @@ class Place:
         return CameraView(self.view.model_copy(update=size), position, rotation)
 
     def scene(self, panorama_width: int, panorama_samples: int = 512, view_width: int | None = None) -> Scene:
-        """What a user of lightdepth would have of the place: its photograph, its meshes, the objects.
+        """What a user of lightdepth would have of the place: its photograph, its meshes, its sun, the objects.
 
         Args:
             panorama_width: pixels of the photograph, and of the camera ``panorama``.
@@ -119,6 +119,7 @@ class Place:
                 "panorama": self.camera("panorama", panorama_width),
                 "view": self.camera("view", view_width or self.view.width),
             },
+            lights=() if self.outside_sun is None else (self.outside_sun.declared(),),
         )
 
     def sun(self) -> Sun:

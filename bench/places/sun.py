@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from bench.places.objects import Color, Point, rgb
+from lightdepth.scene.model import SunLight
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,11 @@ class Sun:
         projected = np.pi * np.sin(np.radians(0.5 * self.diameter)) ** 2
         red, green, blue = (value / projected for value in self.irradiance)
         return float(red), float(green), float(blue)
+
+    def declared(self) -> SunLight:
+        """The sun as a user declares it."""
+        direction = np.array(self.direction) / np.linalg.norm(self.direction)
+        return SunLight("sun", direction, self.diameter, np.array(self.irradiance))
 
     def mitsuba(self) -> dict[str, Any]:
         """The disc as the entry ``sun`` of a Mitsuba scene dictionary."""

@@ -20,7 +20,7 @@ def barred():
 
 @pytest.fixture(scope="session")
 def barred_scene(barred):
-    return barred.scene(WIDTH, SAMPLES)
+    return replace(barred.scene(WIDTH, SAMPLES), lights=())
 
 
 @pytest.fixture(scope="session")
