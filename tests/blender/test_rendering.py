@@ -51,6 +51,8 @@ def test_frames_have_the_pixels_of_the_command_line(animated, renderer, tmp_path
         names = [name for name, counterpart in PASSES.items() if counterpart == part.name]
         for name in names:
             for channel, pixels in part.channels.items():
+                if channel.startswith("Crypto"):  # Mattes are not among Blender's passes.
+                    continue
                 key = f"{name}.{channel if f'{name}.{channel}' in rendered else 'X'}"
                 np.testing.assert_array_equal(rendered[key], pixels.astype(np.float32), err_msg=key)
     assert {key.split(".")[0] for key in rendered} == set(PASSES)

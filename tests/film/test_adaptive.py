@@ -14,7 +14,7 @@ start("cpu")
 
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
-from lightdepth.film import rendering  # noqa: E402
+from lightdepth.film import schedule  # noqa: E402
 from lightdepth.film.schedule import PILOT_SAMPLES  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
@@ -149,12 +149,12 @@ def test_memory_does_not_grow_with_the_samples():
 @pytest.mark.parametrize("wanted", [[], [0] * 5, [10_000] * 100, "random", [0] * 3000 + [7] * 10 + [0] * 3000])
 def test_passes_give_every_pixel_what_it_wants_in_bounded_portions(wanted, monkeypatch):
     if wanted != "random":
-        monkeypatch.setattr(rendering, "PATHS", 1000)
+        monkeypatch.setattr(schedule, "PATHS", 1000)
     counts = np.random.default_rng(1).integers(0, 1000, 70_000) if wanted == "random" else wanted
     wanted = np.array(counts, np.int32)
     given = np.zeros_like(wanted)
-    for slots, portion in rendering._passes(wanted):
-        assert 0 < portion.sum() < rendering.PATHS + rendering.AT_ONCE
+    for slots, portion in schedule.passes(wanted):
+        assert 0 < portion.sum() < schedule.PATHS + schedule.AT_ONCE
         assert len(np.unique(slots)) == len(slots)
         given[slots] += portion
     np.testing.assert_array_equal(given, wanted)

@@ -115,7 +115,7 @@ def read_frame(path: Path) -> Frame:
         layers[layer] = (planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)).astype(full, copy=False)
     beauty = parts["beauty"]
     height, width = beauty.channels["A"].shape
-    panorama = beauty.header.get("envmap") == OpenEXR.ENVMAP_LATLONG
+    panorama = beauty.header.get("envmap") == "latlong"
     ids = parts.get("object_id")
     return Frame(
         **layers,
