@@ -41,7 +41,7 @@ class Accumulator:
         plate: the photograph, all pixels of the image in a row, shape (m, 3), float32: what they show where nothing new
             covers them.
         pixels: which of them are in the list, shape (n,), uint32.
-        light: what light paths bring to these, part of their change; ``None`` where there are none.
+        light: splats of light tracing on these, part of the image; ``None`` without light tracing.
 
     Attributes:
         taken: number of samples of each pixel of the list, shape (n,), uint32.
@@ -151,15 +151,15 @@ class Accumulator:
         """
         for first in range(0, len(self._pixels), PIXELS_AT_ONCE):
             part = slice(first, min(first + PIXELS_AT_ONCE, len(self._pixels)))
-            number = np.maximum(self.taken[part], 1).astype(np.float32)
-            change, synthetic = sums.change[part] / number[:, None], sums.synthetic[part] / number[:, None]
-            coverage = sums.coverage[part] / number
+            count = np.maximum(self.taken[part], 1).astype(np.float32)
+            change, synthetic = sums.change[part] / count[:, None], sums.synthetic[part] / count[:, None]
+            coverage = sums.coverage[part] / count
             plate, mean = self._plate[self._pixels[part]], change + synthetic
             # Both are exactly 0 where a pixel is covered wholly: a lamp behind it does not swamp the variance.
             covariance = synthetic - mean * coverage[:, None]
-            spread = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
-            variance = sums.variance[part] / number[:, None] - np.square(mean) + spread
-            variance = np.maximum(variance, 0.0) / np.maximum(number - 1.0, 1.0)[:, None]
+            plate_variance = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
+            variance = sums.variance[part] / count[:, None] - np.square(mean) + plate_variance
+            variance = np.maximum(variance, 0.0) / np.maximum(count - 1.0, 1.0)[:, None]
             if with_light and self._light is not None:
                 light_change, light_synthetic, light_variance = self._light.means(part)
                 change, synthetic = change + light_change, synthetic + light_synthetic

@@ -124,7 +124,7 @@ class PixelSums:
         synthetic: sums of the radiance of new objects, shape (n, 3), float32.
         squares: sums of the squares of ``change + synthetic``, shape (n, 3), float32.
         covered: samples that met a new object, shape (n,), float32.
-        light_change: what paths from the light brought to support surfaces, shape (n, 3), float32.
+        light_change: sums of splats on support surfaces, shape (n, 3), float32.
         light_synthetic: likewise to new objects, shape (n, 3), float32.
         light_squares: squares of each of that, mean of the channels, shape (n,), float32.
         light_count: paths from the light; each of the three divided by it is a mean.
