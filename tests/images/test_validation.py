@@ -1,4 +1,4 @@
-"""Bad panoramas are told apart, located and repaired; real ones pass."""
+"""Bad panoramas are recognised, located and repaired; real ones pass."""
 
 from pathlib import Path
 

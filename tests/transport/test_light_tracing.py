@@ -120,11 +120,11 @@ def test_beams_are_drawn_with_the_density_that_they_say():
     bounds = ObjectBounds([(np.array([0.0, 0.0, 1.0]), 0.5), (np.array([1.2, 0.3, 0.8]), 0.3)])
     count = 1 << 18
     random = mi.PCG32(count)
-    numbers = [random.next_float32() for _ in range(3)]
+    u = [random.next_float32() for _ in range(3)]
     toward_sky = dr.normalize(mi.Vector3f(0.4, -0.2, 0.9))
-    for place, finite in ((mi.Vector3f(3.0, 2.0, 2.5), mi.Bool(True)), (toward_sky, mi.Bool(False))):
-        beams = bounds.beams(place, finite)
-        origin, direction = beams.sample(numbers[0], mi.Point2f(numbers[1], numbers[2]))
+    for position, finite in ((mi.Vector3f(3.0, 2.0, 2.5), mi.Bool(True)), (toward_sky, mi.Bool(False))):
+        beams = bounds.beams(position, finite)
+        origin, direction = beams.sample(u[0], mi.Point2f(u[1], u[2]))
         density = beams.pdf(origin, direction).numpy()
         assert (density > 0.0).mean() > 0.999
         # The mean of 1 / p is the size of all that can be drawn, here of two parts that do not overlap.

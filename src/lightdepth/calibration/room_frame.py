@@ -28,7 +28,7 @@ that the variance of its ends falls with its length, but only down to what mason
 1 + SHORT / length."""
 
 HALVES = 16
-"""How many random halves of the edges are solved anew for the confidence."""
+"""How many random halves of the edges are solved again for the confidence."""
 
 AGREEMENT = 1.0
 """Degrees within which the solution of a half must be."""
@@ -44,7 +44,7 @@ class RoomFrame:
     Attributes:
         rotation: light space to a frame with z up and x and y along the walls, shape (3, 3); y is the wall direction
             nearest to the panorama's centre column.
-        confidence: share of random halves of the edges that, solved anew, give the same rotation within a degree.
+        confidence: share of random halves of the edges that, solved again, give the same rotation within a degree.
         level_error: expected error of the vertical, degrees.
         heading_error: expected error of the heading, degrees.
         residual: root mean square deviation of the edges that point along x, y or z, degrees.

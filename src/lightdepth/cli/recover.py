@@ -72,7 +72,7 @@ def sun(
     from lightdepth.images.writing import check_writable
     from lightdepth.lighting.scene_file import write_light
     from lightdepth.lighting.sun import recover_sun
-    from lightdepth.reconstruction.place import parse_three
+    from lightdepth.reconstruction.posed_panorama import parse_three
     from lightdepth.scene.lights.frame import sun_direction
     from lightdepth.scene.load import load_scene
 
@@ -239,7 +239,7 @@ def _report_sun(found: RecoveredSun, values: dict[str, Any], as_json: bool) -> N
             "agreement": round(found.agreement, 4),
             "found_edges": round(found.found_edges, 4),
             "pairs": len(irradiance.pairs.irradiance),
-            "spread": round(irradiance.spread, 4),
+            "spread": round(irradiance.deviation, 4),
             "by_surface": {name: [float(f"{v:.4g}") for v in value] for name, value in found.by_surface.items()},
             "confidence": found.confidence,
         }
@@ -264,7 +264,7 @@ def _report_sun(found: RecoveredSun, values: dict[str, Any], as_json: bool) -> N
     line(f"irradiance: {strengths}")
     line(
         f"  median of {len(irradiance.pairs.irradiance)} pairs of places, "
-        f"of which a single one is {100 * irradiance.spread:.0f} % off"
+        f"of which a single one is {100 * irradiance.deviation:.0f} % off"
     )
     for name, value in found.by_surface.items():
         line(f"  from {name} alone: {', '.join(f'{v:.4g}' for v in value)}")

@@ -78,7 +78,7 @@ def passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.int64], NDArr
     """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each).
 
     Lanes of a packet wait for each other, and so do processor cores: pixels that want equally many form packets, and
-    packets that want many are spread among the others.
+    packets that want many are distributed among the others.
     """
     for begun in range(0, int(wanted.max(initial=0)), AT_ONCE):
         for first in range(0, len(wanted), PATHS):

@@ -16,7 +16,7 @@ from lightdepth.reconstruction.from_depth import Measured, split_roles
 from lightdepth.reconstruction.point_cloud import PointCloud
 from lightdepth.reconstruction.poisson import poisson_surface
 from lightdepth.reconstruction.pose import Pose
-from lightdepth.reconstruction.unseen import continued_planes
+from lightdepth.reconstruction.unmeasured import continued_planes
 
 FloatArray = NDArray[np.float64]
 

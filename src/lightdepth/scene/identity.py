@@ -76,7 +76,7 @@ def _array_digest(array: NDArray) -> bytes:
 
 
 def _chunks(value: Any) -> Iterator[bytes | memoryview]:
-    """The value as bytes from which it could be told from every other one."""
+    """The value as bytes that distinguish it from every other one."""
     yield f"<{type(value).__name__}".encode()
     if isinstance(value, np.ndarray):
         yield f"{value.dtype.str}{value.shape}".encode()

@@ -179,7 +179,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         outside = dr.dot(hit.normal, ray.d) < 0.0
         on_support = on_real & self.surfaces.receives(hit) & outside
         materials = self.surfaces.materials
-        material = materials.number(si, on_synthetic)
+        material = materials.index(si, on_synthetic)
         scatters = depth < self.max_bounces
         active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(material, on_synthetic))
         rho, specular_scale = self._reflectance(hit, active & on_support)
@@ -296,7 +296,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             point,
             dr.select(on_synthetic, si.n, hit.normal),
             si,
-            self.surfaces.materials.number(si, on_synthetic),
+            self.surfaces.materials.index(si, on_synthetic),
             support,
             on_synthetic,
             on_support,
@@ -575,7 +575,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         while active:
             si = self.surfaces.synthetic.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
             active &= si.is_valid()
-            transmission = materials.null_transmission(materials.number(si, active), si, active)
+            transmission = materials.null_transmission(materials.index(si, active), si, active)
             passed *= dr.select(active, dr.mean(transmission), 1.0)
             active &= passed > 0.0
             remaining = ray.maxt - si.t

@@ -214,7 +214,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         point = dr.select(on_synthetic, si.p, hit.point)
         normal = dr.select(on_synthetic, si.n, hit.normal)
         materials = self.surfaces.materials
-        material = materials.number(si, on_synthetic)
+        material = materials.index(si, on_synthetic)
         own = self.place.photograph.surface_radiance(hit, on_support)
         factor = self.surfaces.irradiance(hit, on_support).x
         photograph = dr.select(first & on_support, own, photograph)

@@ -242,7 +242,7 @@ class LightTracer:
         on_synthetic = active & found.is_valid() & ~on_real
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
         materials = self.surfaces.materials
-        material = materials.number(si, on_synthetic)
+        material = materials.index(si, on_synthetic)
         smooth = mi.has_flag(materials.flags(material, on_synthetic), mi.BSDFFlags.Smooth)
         may_connect = on_synthetic & ~first & smooth
         connects = may_connect & (sampler.next_1d(active) < CONNECTION_PROBABILITY)
@@ -319,7 +319,7 @@ class LightTracer:
         from_camera = mi.SurfaceInteraction3f(si)
         from_camera.wi = si.to_local(outgoing)
         materials = self.surfaces.materials
-        material = materials.number(si, on_object)
+        material = materials.index(si, on_object)
         bsdf_value, bsdf_pdf = materials.eval_pdf(material, mi.BSDFContext(), from_camera, si.wi, on_object)
         value, pdf = dr.select(on_object, bsdf_value, value), dr.select(on_object, bsdf_pdf, pdf)
 
