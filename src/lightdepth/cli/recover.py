@@ -255,7 +255,7 @@ def _report_sun(found: RecoveredSun, values: dict[str, Any], as_json: bool) -> N
     if found.direction_uncertainty > 0.0:
         line(f"  standard error {found.direction_uncertainty:.2f} degrees")
     line(
-        f"  {100 * found.found_edges:.0f} % of the edges that it foretells are seen, {found.residual:.2f} pixels off; "
+        f"  {100 * found.found_edges:.0f} % of the edges that it predicts are seen, {found.residual:.2f} pixels off; "
         f"correlation with what is bright {found.agreement:.2f}"
     )
     strengths = ", ".join(

@@ -174,7 +174,7 @@ def _irradiance(
     if len(pairs.irradiance) < FEWEST_PAIRS:
         where = ", ".join(sorted({view.names[int(index)] for index in np.unique(edges.surface)})) or "no surface"
         raise InputError(
-            f"{name}: how strong the sun is cannot be told: of the patch's edges (on {where}) only "
+            f"{name}: the strength of the sun cannot be determined: of the patch's edges (on {where}) only "
             f"{len(pairs.irradiance)} places have lit and shaded parts of one surface side by side; {FEWEST_PAIRS} are "
             "needed. Surfaces of several materials belong into several [[real]] tables; or photograph with more pixels"
         )
