@@ -84,14 +84,14 @@ def find_room_frame(arcs: Arcs, progress: Callable[[float], None] = lambda share
     random = np.random.default_rng(seed)
     rotation = _search(arcs, random, 800)
     level, heading, agree = [], [], []
-    for number in range(HALVES):
+    for done in range(HALVES):
         half = arcs.take(random.permutation(len(arcs))[: len(arcs) // 2])
         other = _nearest_quarter_turn(_search(half, random, 200), rotation)
         step = other @ rotation.T
         level.append(np.degrees(np.arccos(np.clip(step[2, 2], -1.0, 1.0))))
         heading.append(abs(np.degrees(np.arctan2(step[1, 0], step[0, 0]))))
         agree.append(np.degrees(np.arccos(np.clip((np.trace(step) - 1) / 2, -1.0, 1.0))) < AGREEMENT)
-        progress((number + 1) / HALVES)
+        progress((done + 1) / HALVES)
     deviation = arcs.deviation(rotation)
     axis = np.abs(deviation).argmin(axis=0)
     deviation = np.take_along_axis(deviation, axis[None], axis=0)[0]

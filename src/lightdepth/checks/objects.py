@@ -63,10 +63,10 @@ def standing_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> 
     problems = []
     meshes = [object_mesh(thing) for thing in objects]
     others = RayCaster(meshes)
-    for number, (thing, mesh) in enumerate(zip(objects, meshes, strict=True)):
+    for index, (thing, mesh) in enumerate(zip(objects, meshes, strict=True)):
         points, _ = surface_points(mesh.vertices, mesh.faces, POINTS)
         if len(points) and _out_of_sight(points, view, is_lamp(thing)) is None:
-            problems += _named(thing, _standing(mesh, number, others, view))
+            problems += _named(thing, _standing(mesh, index, others, view))
     return problems
 
 

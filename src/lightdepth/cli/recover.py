@@ -138,8 +138,8 @@ def clipped(
     """Lamps and suns that the panorama clipped: what they really send, from what they light.
 
     A sun is recovered from both sides of the shadows that the modelled place throws, a lamp from how its light falls off
-    over surfaces of one material; or either from clicks. What the photograph does not tell is left as it is, with bounds.
-    The panorama's file and the plate stay.
+    over surfaces of one material; or either from clicks. What the photograph does not determine stays as it is, with
+    bounds. The panorama's file and the plate stay.
 
     Example: lightdepth recover clipped court.toml --write
     """
@@ -192,7 +192,7 @@ def clipped(
                 if table["light"]
                 else "was not clipped: it lights things no more than the panorama says"
                 if table["method"] == "not clipped"
-                else "how strong it is, the photograph does not tell (give --pair or --grey)"
+                else "the photograph does not determine its strength (give --pair or --grey)"
             ),
             markup=False,
         )

@@ -58,19 +58,19 @@ class Accumulator:
         """Add samples.
 
         Args:
-            slots: places in the list of pixels, each at most once, shape (k,).
+            slots: indices into the list of pixels, each at most once, shape (k,).
             sums: of the samples of each of ``slots``.
             counts: how many those are, shape (k,).
         """
-        place = mi.UInt32(aligned(slots, np.uint32))
+        index = mi.UInt32(aligned(slots, np.uint32))
         for total, color in (
             (self._change, sums.change),
             (self._synthetic, sums.synthetic),
             (self._squares, sums.squares),
         ):
             for channel in range(3):
-                _add(total, color[channel], 3 * place + channel)
-        _add(self._covered, sums.covered, place)
+                _add(total, color[channel], 3 * index + channel)
+        _add(self._covered, sums.covered, index)
         dr.eval(self._change, self._synthetic, self._squares, self._covered)
         self.taken[slots] += counts.astype(np.uint32)
 
@@ -81,7 +81,7 @@ class Accumulator:
         return {name: values.copy() for name, values in named.items()}
 
     def restore(self, taken: NDArray[np.uint32], sums: Mapping[str, NDArray[np.float32]]) -> None:
-        """Put sums in place of what there is.
+        """Replace the sums.
 
         Args:
             taken: number of samples of each pixel of the list, shape (n,).
@@ -98,7 +98,7 @@ class Accumulator:
         """The means so far of all pixels of the list.
 
         Args:
-            finish: put the means in place of the sums, which saves their memory; nothing can be added any more.
+            finish: overwrite the sums by the means, which saves their memory; nothing can be added afterwards.
         """
         sums = self._sums()
         result = sums if finish else Estimates(*(np.empty_like(getattr(sums, field.name)) for field in fields(sums)))
@@ -115,7 +115,7 @@ class Accumulator:
         Args:
             floor: radiance that is added to the brightness.
             exponent: the power.
-            with_light: with the part of the light paths, which more samples of the pixel would not lessen.
+            with_light: include the variance of splats, which more samples of the pixel do not reduce.
         """
         errors = np.empty(len(self._pixels), np.float32)
         for part, means in self._means(self._sums(), with_light):
@@ -168,5 +168,5 @@ class Accumulator:
 
 
 def _add(total: mi.Float, value: mi.Float, index: mi.UInt32) -> None:
-    """Add values to places of ``total`` that differ."""
+    """Add values to elements of ``total`` that differ."""
     dr.scatter_add(total, value, index, mode=dr.ReduceMode.NoConflicts)

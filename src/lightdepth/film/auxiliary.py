@@ -28,7 +28,7 @@ EDGES_AT_ONCE = 1 << 15
 
 @dataclass(frozen=True)
 class Auxiliary:
-    """What is seen besides light.
+    """Layers of a frame other than light.
 
     Attributes:
         mattes: how much of the pixels objects cover.
@@ -50,7 +50,7 @@ def render_auxiliary(
     names: tuple[tuple[str, ...], tuple[str, ...]],
     coverage: NDArray[np.float32] | None = None,
 ) -> Auxiliary:
-    """Render what is seen besides light.
+    """Render the layers other than light.
 
     Args:
         view: the camera.

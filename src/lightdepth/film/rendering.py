@@ -408,21 +408,21 @@ class Rendering:
         return facts
 
     def error(self) -> float:
-        """Estimated relative error of the sampled pixels, root mean square: their noise, and what all have in common."""
+        """Estimated relative error of the sampled pixels, root mean square: their noise and the shared errors."""
         if len(self.pixels) and not self._error_known:
             own = float(np.mean(np.square(self._own_errors())))
-            irradiance, rest = self._common_variance()
+            irradiance, rest = self._shared_variance()
             self._error = math.sqrt(own + float(np.mean(irradiance)) + rest)
             self._error_known = True
         return self._error
 
     def _own_errors(self) -> NDArray[np.float32]:
-        """Relative errors of the pixels that come of their own samples, shape (n,)."""
+        """Relative errors of the pixels from the noise of their own samples, shape (n,)."""
         with DEVICE_LOCK:
             return self._accumulator.relative_errors(self._dark)
 
-    def _common_variance(self) -> tuple[NDArray[np.float32] | float, float]:
-        """Relative variance of what all pixels have in common: of the irradiance, shape (n,), and of the rest."""
+    def _shared_variance(self) -> tuple[NDArray[np.float32] | float, float]:
+        """Relative variance of the shared errors: of the irradiance, shape (n,), and of the rest."""
         irradiance = self._prepared.irradiance.mean_error * MEAN_TO_STANDARD
         rest = self._list_error() ** 2 + self._shared.cache**2
         if not math.isfinite(irradiance) or irradiance == 0.0:
@@ -436,9 +436,9 @@ class Rendering:
         return self._shared.light_list * math.sqrt(self._list_use.share(len(self.pixels)))
 
     def _estimate_shared(self) -> None:
-        """Estimate what is to be known of the light list and the cache, once that is not lost in the noise.
+        """Estimate the errors of the light list and of the radiance cache, once they are not lost in the noise.
 
-        Only between rounds, so that what a wanted noise takes does not depend on who watches.
+        Only between rounds, so that the samples that a wanted noise takes do not depend on progress reports.
         """
         spent, integrator = self._spent(), self._prepared.integrator
         if not isinstance(integrator, DifferenceIntegrator) or spent < 4 * self._shared.spent or not len(self.pixels):
@@ -470,7 +470,7 @@ class Rendering:
         self._error_known = False
 
     def _cache_error(self, brightness: NDArray[np.float32], generator: np.random.Generator) -> float:
-        """Relative error that the radiance cache gives pixels: how they change when it is as wrong as it may be."""
+        """Relative error that the radiance cache gives pixels: how much they change with a perturbed cache."""
         if self._cache is None or self._lights is None:
             return 0.0
         slots = np.sort(generator.choice(len(self.pixels), min(CACHE_PROBES, len(self.pixels)), replace=False))
@@ -551,10 +551,10 @@ class Rendering:
     def _until(self, target: Target, noise: float) -> tuple[NDArray[np.float32], int]:
         """How many more samples each pixel gets for a wanted noise, and how many all will have as far as is known."""
         taken = self._accumulator.taken
-        # The error falls with the square root of the number of samples. A pixel is not done that stands out.
+        # The error falls with the square root of the number of samples. A pixel that stands out is not done.
         errors = self._accumulator.relative_errors(self._dark)
-        irradiance, rest = self._common_variance()
-        # More samples of a pixel do not lessen what all have in common: beyond some point there is no use in them.
+        irradiance, rest = self._shared_variance()
+        # More samples of a pixel do not reduce the shared errors: beyond some point they are of no use.
         left = np.maximum(noise**2 - rest - irradiance, LEAST_NOISE**2 * noise**2)
         more: NDArray[np.float32] = np.square(np.maximum(errors, self._around(errors)))
         more /= np.asarray(left, np.float32)

@@ -28,14 +28,14 @@ SMALL = 2.0
 """Angular radius in degrees up to which a plateau alone gives the direction of the sun."""
 REACH = 6.0
 DARKEST, WHITEST = 0.02, 0.95
-"""Albedos that the typical surface has at least, and every one at most: the bounds where nothing else tells more."""
+"""Albedos that the typical surface has at least, and every one at most: the bounds where nothing else narrows them."""
 NOT_CLIPPED = 0.1
 """Share of the source's light, up to which what is missing may be the recovery's own error."""
 ROUNDS = 3
 """In which several sources are recovered, each with what the last round found of the others."""
 POINTS = 1500
 LIT = 0.3
-"""Share of the strongest irradiance from the source from which on a place tells of its bounds."""
+"""Share of the strongest irradiance from the source from which on a point contributes to its bounds."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class RecoveredSource:
 
     Attributes:
         plateau: what the panorama shows of it.
-        source: with its radiance; ``None`` where nothing tells it, or nothing was lost.
+        source: with its radiance; ``None`` where nothing determines it, or nothing was lost.
         method: ``shadow edges``, ``clicked pairs``, ``known albedo``, ``falloff``, ``none``, or ``not clipped`` where
             it lights things no more than the panorama says.
         irradiance: of the source on a surface at the capture point that faces it, linear RGB, shape (3,); the map's own
@@ -104,17 +104,17 @@ def recover_clipped(
     clicked = [_read_pair(text, size, view) for text in pairs]
     known = [_read_grey(text, size, view) for text in grey]
     if (clicked or known) and len(plateaus) > 1:
-        plateaus = plateaus[:1]  # Clicks tell of the strongest one.
+        plateaus = plateaus[:1]  # Clicks are about the strongest one.
     results: dict[int, RecoveredSource] = {}
     for _ in range(ROUNDS if len(plateaus) > 1 else 1):
-        for number, plateau in enumerate(plateaus):
+        for index, plateau in enumerate(plateaus):
             # The light of the others as far as it is known by now.
             light = scene.panorama.radiance
             for other, result in results.items():
-                if other != number and result.source is not None:
+                if other != index and result.source is not None:
                     light = unclipped(light, result.source)
             lit = replace(scene, panorama=replace(scene.panorama, radiance=light))
-            results[number] = _recovered(lit, view, plateau, clicked, known, diameter)
+            results[index] = _recovered(lit, view, plateau, clicked, known, diameter)
     return list(results.values())
 
 

@@ -90,4 +90,4 @@ def _components(mask: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)
     sizes[0] = 0
     largest = [int(n) for n in np.argsort(-sizes)[: 4 * MOST] if sizes[n] > 0]
-    return [numbers == number for number in largest]
+    return [numbers == index for index in largest]

@@ -156,7 +156,7 @@ def _searched(name: str, view: PanoramaView, sunlight: Sunlight, search: SunSear
         azimuth, elevation = azimuth_and_elevation(best.direction)
         raise InputError(
             f"{name}: the sun seems to stand at azimuth {azimuth:.1f}, elevation {elevation:.1f} degrees, but too few "
-            "edges of its patch are seen on one surface to tell its direction and strength"
+            "edges of its patch are seen on one surface to determine its direction and strength"
         )
     return max(fits, key=lambda pair: pair[1] * pair[0].quality)[0]
 

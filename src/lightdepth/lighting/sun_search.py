@@ -90,8 +90,8 @@ class SunSearch:
         directions = sky_directions(SPACING, LOWEST)
         directions = directions[self._allowed(directions)]
         agreement = self._agreement(directions, self._coarse)
-        for number, (spacing, steps) in enumerate(FINER):
-            chosen = _peaks(directions, agreement, KEPT if number == 0 else 3, 2.0 * SPACING if number == 0 else 1.5)
+        for index, (spacing, steps) in enumerate(FINER):
+            chosen = _peaks(directions, agreement, KEPT if index == 0 else 3, 2.0 * SPACING if index == 0 else 1.5)
             offsets = spacing * np.arange(-steps, steps + 1)
             directions = np.array([turned(directions[i], a, b) for i in chosen for a in offsets for b in offsets])
             if not len(directions):

@@ -68,11 +68,11 @@ def _bytes(array: NDArray) -> memoryview:
 
 def _array_digest(array: NDArray) -> bytes:
     """Digest of an array's numbers, computed once for each array in memory: scenes that differ in little share many."""
-    number = id(array)
-    if number not in _arrays:
-        _arrays[number] = hashlib.sha256(_bytes(array)).digest()
-        finalize(array, _arrays.pop, number, None)
-    return _arrays[number]
+    key = id(array)
+    if key not in _arrays:
+        _arrays[key] = hashlib.sha256(_bytes(array)).digest()
+        finalize(array, _arrays.pop, key, None)
+    return _arrays[key]
 
 
 def _chunks(value: Any) -> Iterator[bytes | memoryview]:

@@ -2,7 +2,7 @@
 
 Theory, eq. (3) and (4): a camera ray that meets a support surface at ``q`` carries ``M(q) + D(q)``. ``M(q)`` is the
 photograph and is left to the film; this integrator estimates ``D``, and the radiance of synthetic surfaces, which is
-ordinary path tracing in a place whose surfaces send ``M(q) + D(q)``. One bit of state tells the two apart:
+ordinary path tracing in a place whose surfaces send ``M(q) + D(q)``. One bit of state distinguishes the two:
 ``difference``, set where the last scattering happened on a support surface. It is the paper's ``pt`` (algorithm 1),
 inverted.
 """
