@@ -40,24 +40,24 @@ class Watched(Session):
 
     def __init__(self, scene, **options):
         super().__init__(scene, **options)
-        self.events, self.shown = [], MemoryDisplay()
+        self.told, self.shown = [], MemoryDisplay()
         self._news = threading.Condition()
         self.on(self._note)
         self.display(self.shown)
 
     def _note(self, event):
         with self._news:
-            self.events.append(event)
+            self.told.append(event)
             self._news.notify_all()
 
     def until(self, kind, count=1):
         """Wait until so many events of a kind have come."""
         with self._news:
-            enough = self._news.wait_for(lambda: sum(isinstance(e, kind) for e in self.events) >= count, PATIENCE)
-        assert enough, self.events
+            enough = self._news.wait_for(lambda: sum(isinstance(e, kind) for e in self.told) >= count, PATIENCE)
+        assert enough, self.told
 
     def stages(self):
-        return [event.stage for event in self.events if isinstance(event, Stage)]
+        return [event.stage for event in self.told if isinstance(event, Stage)]
 
 
 def plain(scene, samples, camera="view"):
@@ -70,11 +70,11 @@ def test_a_session_reports_its_stages_and_shows_the_picture_of_render(scene, tmp
     session.display(PngDisplay(tmp_path / "made" / "x.png"))
     done = session.run(Job("view", 8, preview_seconds=0.0))
     assert replace(done, exposure=None) == Done(str(tmp_path / "made" / "x.exr"))
-    assert done == session.events[-1]
+    assert done == session.told[-1]
     assert session.stages() == ["preparing", "rendering", "writing"]
-    assert session.events[-2] == Picture(done.file, finished=True)
-    assert any(event == Picture(done.file, finished=False) for event in session.events)
-    assert [event for event in session.events if isinstance(event, Progress)][-1].fraction == 1.0
+    assert session.told[-2] == Picture(done.file, finished=True)
+    assert any(event == Picture(done.file, finished=False) for event in session.told)
+    assert [event for event in session.told if isinstance(event, Progress)][-1].fraction == 1.0
     assert session.shown.finished
     assert session.shown.frame.beauty.tobytes() == plain(scene, 8)
     assert sorted(path.name for path in (tmp_path / "made").iterdir()) == ["x.exr", "x.png"]
@@ -97,7 +97,7 @@ def test_a_paused_session_waits_and_goes_on_to_the_same_picture(scene, small_pas
     session.start(Job("view", 32))
     session.until(Progress)
     assert not session.wait(0.5)
-    assert sum(isinstance(event, Progress) for event in session.events) == 1
+    assert sum(isinstance(event, Progress) for event in session.told) == 1
     session.resume()
     assert session.wait(PATIENCE)
     assert session.shown.frame.beauty.tobytes() == plain(scene, 32)
@@ -109,7 +109,7 @@ def test_a_cancelled_session_shows_what_it_has_and_can_go_on(scene, small_passes
     session.until(Progress, 3)
     session.cancel()
     assert session.wait(PATIENCE)
-    assert session.events[-1] == Done(None, interrupted=True)
+    assert session.told[-1] == Done(None, interrupted=True)
     assert 0 < session.shown.frame.samples.mean() < 64
     session.start(Job("view", 64))
     assert session.wait(PATIENCE)
@@ -140,7 +140,7 @@ def test_a_changed_scene_begins_again(scene, small_passes):
     session.set_samples(8)
     session.reset(other)
     assert session.wait(PATIENCE)
-    assert sum(isinstance(event, Done) for event in session.events) == 1
+    assert sum(isinstance(event, Done) for event in session.told) == 1
     assert session.shown.frame.beauty.tobytes() == plain(other, 8)
 
 
@@ -154,7 +154,7 @@ def test_it_can_be_cancelled_while_it_prepares(scene):
     assert session.running
     session.cancel()
     assert session.wait(PATIENCE)
-    assert session.events[-1] == Done(None, interrupted=True)
+    assert session.told[-1] == Done(None, interrupted=True)
     assert session.stages() == ["preparing"]
     assert session.shown.frame is None
 
@@ -180,7 +180,7 @@ def test_what_goes_wrong_in_a_thread_is_reported(scene):
     session = Watched(scene)
     session.start(Job("veiw", 8))
     assert session.wait(PATIENCE)
-    assert session.events[-1] == Failure("scene: no camera 'veiw'; it has pano, dome, view")
+    assert session.told[-1] == Failure("scene: no camera 'veiw'; it has pano, dome, view")
 
 
 @pytest.mark.parametrize(

@@ -594,7 +594,7 @@ class Rendering:
         return around if around.size == error.size else around[self.pixels]
 
     def _scattered(self, values: NDArray) -> NDArray:
-        """Values of the sampled pixels in their places of the image, 0 elsewhere; themselves, where that is all."""
+        """Values of the sampled pixels at their positions in the image, 0 elsewhere; themselves, where that is all."""
         if len(values) == self._height * self._width:
             return values.reshape(self._height, self._width, *values.shape[1:])
         image = np.zeros((self._height * self._width, *values.shape[1:]), values.dtype)

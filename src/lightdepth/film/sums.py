@@ -66,7 +66,7 @@ class Share:
         return f"{self.index + 1}/{self.count}"
 
     def owns(self, slots: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """Which places in the list of pixels belong to this part, shape as ``slots``."""
+        """Which indices into the list of pixels belong to this share, shape as ``slots``."""
         if self.count == 1:
             return np.ones(slots.shape, bool)
         return (slots // self.PACKET) % self.count == self.index
@@ -256,10 +256,10 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
     total["pixels"] = pixels
     # In the order of the shares, so that the result does not depend on that of the files.
     for part in sorted(parts, key=lambda part: part.shares):
-        place = np.searchsorted(pixels, part.pixels)
+        index = np.searchsorted(pixels, part.pixels)
         for name in ARRAYS:
             if name != "pixels":
-                total[name][place] += getattr(part, name)
+                total[name][index] += getattr(part, name)
     light_count = sum(part.light_count for part in parts)
     return PixelSums(
         parts[0].origin,

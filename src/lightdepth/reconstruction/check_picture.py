@@ -107,7 +107,7 @@ def _edges(hits: Hits, pose: Pose, surface: NDArray[np.int32]) -> NDArray[np.boo
             if axis == 0:
                 found[-few:] = False
             edge |= np.roll(found, few // 2, axis)  # On the edge, not before it.
-    # Roughness makes specks, edges make lines.
+    # Roughness gives scattered pixels, edges give lines.
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(edge.astype(np.uint8), connectivity=8)
     length = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
     return edge & (length >= SHORTEST_EDGE * height)[labels]
