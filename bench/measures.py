@@ -167,7 +167,7 @@ def converged(
 def interval(values: NDArray[np.float64]) -> tuple[float, float]:
     """Ends of the interval in which the mean of independent values, shape (n,), lies with a probability of about 68 %.
 
-    From means of the values drawn anew with repetition, as often as there are values; always the same draws.
+    From means of the values drawn with replacement (bootstrap), as many as there are values; always the same draws.
     """
     drawn = np.random.default_rng(0).integers(len(values), size=(RESAMPLES, len(values)))
     low, high = np.percentile(values[drawn].mean(axis=1), (16.0, 84.0))

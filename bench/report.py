@@ -24,26 +24,26 @@ Written by `make bench`; the raw figures are in `bench/results/`. Every method i
 virtual place, the same model of it and the same objects, and is compared with full path tracing of the place with the
 objects in it (stock Mitsuba `path`, up to 32 path vertices, through the same camera).
 
-- Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and taken out of
+- Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and subtracted from
   every squared error. The photograph's noise is not: it is part of what every method is given. Its pixels that show
-  lamps have so many rays that the power of a lamp is not a matter of luck.
+  lamps have enough rays that the power of a lamp is not left to chance.
 - The *error at convergence* is that at a method's largest budget without any noise. Two images A and B, rendered with
   different random numbers, are compared with the truth T in the means of blocks of 8 by 8 pixels. The mean over the
   blocks of (A - T) (B - T), less the variance of T, has the squared error as its expectation: the noise of A and B is
   independent and drops out, that of T is in both factors and known. What is shown is the root, by the same rule for every
   method. What a method prepares once for all images, such as the irradiance of surfaces, is the same in A and B, and its
   error counts.
-- How uncertain it is (±, one standard deviation) is told by drawing the blocks anew with repetition, 200 times. Where
-  that reaches down to 0, the interval is shown instead, and how many times larger others are is given as a bound (>),
-  from its upper end. *Truth's own noise* is what would have been in all these figures, had it not been taken out.
+- Its uncertainty (±, one standard deviation) is a bootstrap over the blocks (200 resamples). Where that reaches down
+  to 0, the interval is shown instead, and the factor by which others are larger is a bound (>) from its upper end.
+  *Truth's own noise* is what all these figures would have contained, had it not been taken out.
 - All methods composite into the same plate, so that only what they add is compared.
 - *Bias* is the error that stays with more and more samples, *noise* that of one sample a pixel, both from a fit of
   `error^2 = bias^2 + noise^2 / samples` over the budgets.
 - Times are medians of runs in turn on the same machine, warm, without loading the scene.
 - PSNR, SSIM and FLIP are of the sRGB image at one exposure a place.
 - *untouched* holds pixels of real surfaces that the objects change by less than 1 %: small changes there are real.
-- In the L-shaped room the capture point does not see the walls of the far leg. What projects the photograph paints them
-  with what stands before them, and metal mirrors that. `difference` gives them the mean colour of the walls that
+- In the L-shaped room the walls of the far leg are occluded from the capture point. Methods that project the photograph
+  paint them with what stands before them, and metal mirrors that. `difference` gives them the mean colour of the walls that
   are seen near them, and the light that arrives there.
 
 """

@@ -98,7 +98,7 @@ def begin_rendering(
         method: name of the method.
         seed: of the random numbers.
         device: ``auto``, ``cpu`` or ``cuda``.
-        warn: told what will make the picture wrong in places, before the preparation takes its time.
+        warn: called with what will make the picture wrong in places, before the preparation takes its time.
         draft: a quick look.
         share: the part of the work that this process does, see :class:`~lightdepth.film.sums.Share`; all by default.
         cache: take what belongs to the place from the cache on disk, and put it there.
@@ -196,12 +196,12 @@ def _find_warnings(scene: Scene) -> tuple[str, ...]:
     from lightdepth.checks import Severity, find_problems
 
     problems = find_problems(scene, hints=False)
-    told = {
+    found = {
         kind: [f"{scene.path or 'scene'}: {p.message}" for p in problems if p.severity is kind] for kind in Severity
     }
-    if told[Severity.ERROR]:
-        raise InputError("\n".join(told[Severity.ERROR]))
-    return (*scene.panorama.repairs, *told[Severity.WARNING])
+    if found[Severity.ERROR]:
+        raise InputError("\n".join(found[Severity.ERROR]))
+    return (*scene.panorama.repairs, *found[Severity.WARNING])
 
 
 @lru_cache(maxsize=2)

@@ -1,4 +1,4 @@
-"""What a user is told when something is wrong: one message and an exit status, never a traceback."""
+"""What a user reads when something is wrong: one message and an exit status, never a traceback."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Packages that only some commands need, and what a user is told where one is missing."""
+"""Packages that only some commands need, and the message where one is missing."""
 
 from __future__ import annotations
 

@@ -226,8 +226,8 @@ def test_views_that_nothing_connects_are_refused_without_a_rig(tmp_path):
     assert not (tmp_path / "x.exr").exists()
 
 
-@pytest.mark.parametrize(("off", "told"), [(0.5, False), (7.0, True)])
-def test_a_wrong_control_point_is_warned_of(off, told):
+@pytest.mark.parametrize(("off", "warned"), [(0.5, False), (7.0, True)])
+def test_a_wrong_control_point_is_warned_of(off, warned):
     lenses = [Lens(100, 100, "rectilinear", 90.0, yaw=yaw) for yaw in (0.0, 40.0)]
     points = []
     for pitch, error in ((0.0, 0.0), (5.0, off)):
@@ -243,8 +243,8 @@ def test_a_wrong_control_point_is_warned_of(off, told):
     photometry = Photometry((0.0, 0.0, 0.0), np.ones((2, 3)), 0.0, 0.0)
     stitched = Stitched(Panorama(image, seen), lenses, points, 2, photometry, [])
     warnings = warnings_of(shot, stitched)
-    assert len(warnings) == told
-    if told:
+    assert len(warnings) == warned
+    if warned:
         assert warnings[0].startswith("a.exr, b.exr: a control point is off by 7.0 degrees (1 of 2 by more than 2)")
 
 

@@ -17,9 +17,9 @@ def test_share_of_support_behind_a_screen():
     assert share == pytest.approx(25.0, abs=1.5)
 
 
-def test_support_that_is_wholly_hidden():
-    hidden = RealSurface("shelf", box([1.5, -1.0, 1.0], [1.9, 1.0, 1.03]), Role.SUPPORT)
-    problems = find_problems(scene([*room(), SCREEN, hidden]))
+def test_support_that_is_wholly_unseen():
+    unseen = RealSurface("shelf", box([1.5, -1.0, 1.0], [1.9, 1.0, 1.03]), Role.SUPPORT)
+    problems = find_problems(scene([*room(), SCREEN, unseen]))
     assert problems[0].severity is Severity.ERROR
     assert '"shelf": the capture point cannot see 100 % of this support' in problems[0].message
 
@@ -27,8 +27,8 @@ def test_support_that_is_wholly_hidden():
 @pytest.mark.parametrize(
     ("far", "severity"), [(1.0, None), (1.5, Severity.HINT), (4.0, Severity.WARNING), (14.0, Severity.ERROR)]
 )
-def test_the_more_support_is_hidden_the_worse(far, severity):
-    """A shelf along the line of sight, of which all that lies beyond the screen at x = 1 m is hidden."""
+def test_the_more_support_is_unseen_the_worse(far, severity):
+    """A shelf along the line of sight, of which all that lies beyond the screen at x = 1 m is unseen."""
     shelf = RealSurface("shelf", box([0.0, 1.0, 0.5], [far, 1.5, 0.5]), Role.SUPPORT)
     wide = RealSurface("room", box([-2.0, -3.0, 0.0], [far + 1.0, 3.0, 2.5]), Role.ENVIRONMENT)
     problems = [p for p in find_problems(scene([wide, SCREEN, shelf])) if '"shelf"' in p.message]

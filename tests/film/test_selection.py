@@ -105,7 +105,7 @@ def test_the_panoramas_seam_is_nowhere():
     differs = (variance > 0) & (more > 0)
     assert differs.mean() > 0.3
     assert np.mean(np.abs(z[differs]) > 4) < 0.005
-    # Each of the two rooms has its irradiance and its cells' change estimated anew, with errors that many pixels share: no
+    # Each of the two rooms has its irradiance and its cells' change estimated again, with errors that many pixels share: no
     # more than the half percent that is allowed against path tracing.
     assert np.abs((one - other)[differs].mean()) < 0.005 * one[differs].mean()
     assert one.mean() == pytest.approx(other.mean(), rel=0.005)

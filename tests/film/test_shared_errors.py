@@ -47,7 +47,7 @@ def test_the_estimate_is_what_is_seen_over_seeds(scene, monkeypatch):
         assert light_list > 0.0
         common.append(light_list**2 + cache**2)
         own.append(np.mean(np.square(rendering._own_errors())))
-        irradiance = rendering._common_variance()[0]
+        irradiance = rendering._shared_variance()[0]
         expected = math.sqrt(own[-1] + common[-1] + float(np.mean(irradiance)))
         assert float(frame.metadata["error"]) == pytest.approx(expected, rel=0.02)
     tiles = (

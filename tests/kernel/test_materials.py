@@ -41,22 +41,22 @@ def worn():
 
 def test_what_shapes_wear_is_what_is_evaluated(worn):
     mi, materials, si = worn
-    number, met = materials.number(si, si.is_valid()), si.is_valid()
+    index, met = materials.index(si, si.is_valid()), si.is_valid()
     outgoing = mi.warp.square_to_cosine_hemisphere(mi.Point2f(0.3, 0.6))
-    assert (materials.flags(number, met).numpy()[:-1] == si.bsdf().flags().numpy()[:-1]).all()
+    assert (materials.flags(index, met).numpy()[:-1] == si.bsdf().flags().numpy()[:-1]).all()
 
-    value, density = materials.eval_pdf(number, mi.BSDFContext(), si, outgoing, met)
+    value, density = materials.eval_pdf(index, mi.BSDFContext(), si, outgoing, met)
     expected_value, expected_density = si.bsdf().eval_pdf(mi.BSDFContext(), si, outgoing, met)
     np.testing.assert_array_equal(value.numpy(), expected_value.numpy())
     np.testing.assert_array_equal(density.numpy(), expected_density.numpy())
     assert len(np.unique(value.numpy()[0])) > 4  # The spheres differ, and what is missed has none.
 
-    drawn, weight = materials.sample(number, mi.BSDFContext(), si, mi.Float(0.35), mi.Point2f(0.2, 0.7), met)
+    drawn, weight = materials.sample(index, mi.BSDFContext(), si, mi.Float(0.35), mi.Point2f(0.2, 0.7), met)
     expected, expected_weight = si.bsdf().sample(mi.BSDFContext(), si, mi.Float(0.35), mi.Point2f(0.2, 0.7), met)
     np.testing.assert_array_equal(drawn.wo.numpy(), expected.wo.numpy())
     np.testing.assert_array_equal(weight.numpy(), expected_weight.numpy())
 
-    passed = materials.null_transmission(number, si, met).numpy()
+    passed = materials.null_transmission(index, si, met).numpy()
     np.testing.assert_array_equal(passed, si.bsdf().eval_null_transmission(si, met).numpy())
     assert materials.have_holes
     assert passed.max() == pytest.approx(0.6)
@@ -68,7 +68,7 @@ def test_without_shapes_nothing_is_reflected(worn):
 
     empty = Materials([])
     nowhere = mi.Bool(False) & si.is_valid()
-    value, _ = empty.eval_pdf(empty.number(si, nowhere), mi.BSDFContext(), si, mi.Vector3f(0.0, 0.0, 1.0), nowhere)
+    value, _ = empty.eval_pdf(empty.index(si, nowhere), mi.BSDFContext(), si, mi.Vector3f(0.0, 0.0, 1.0), nowhere)
     assert not value.numpy().any()
     assert not empty.have_holes
 
@@ -86,7 +86,7 @@ def test_only_worn_materials_are_compiled(worn):
             return max(kernel.get("operation_count", 0) for kernel in dr.kernel_history())
 
     arguments = mi.BSDFContext(), si, mi.Float(0.35), mi.Point2f(0.2, 0.7), si.is_valid()
-    number = materials.number(si, si.is_valid())
-    assert operations(lambda: materials.sample(number, *arguments)) < 0.7 * operations(
+    index = materials.index(si, si.is_valid())
+    assert operations(lambda: materials.sample(index, *arguments)) < 0.7 * operations(
         lambda: si.bsdf().sample(*arguments)
     )

@@ -133,7 +133,7 @@ def test_surfaces_cut_along_the_patch_s_edges_cannot_be_compared(barred_scene, t
             pieces += [replace(piece, name=f"{piece.name} {i}") for i, piece in enumerate(split)]
         else:
             pieces.append(surface)
-    with pytest.raises(InputError, match="cannot be told"):
+    with pytest.raises(InputError, match="cannot be determined"):
         recover_sun(replace(barred_scene, real=tuple(pieces)), direction=true_direction)
     assert view.names
 

@@ -62,6 +62,6 @@ def test_given_depth_is_not_mixed_across_jumps_and_sky():
 
 
 def test_progress_reaches_the_end():
-    told = []
-    build_light_depth_map(scene([box()], 64), told.append)
-    assert told[-1] == 1.0
+    reported = []
+    build_light_depth_map(scene([box()], 64), reported.append)
+    assert reported[-1] == 1.0

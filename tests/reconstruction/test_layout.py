@@ -8,14 +8,14 @@ from lightdepth.directions import euler_rotation
 from lightdepth.errors import InputError
 from lightdepth.reconstruction.coverage import measure_coverage
 from lightdepth.reconstruction.layout import Clicked, surfaces_from_layout
-from lightdepth.reconstruction.place import Place
 from lightdepth.reconstruction.pose import Pose
+from lightdepth.reconstruction.posed_panorama import PosedPanorama
 from lightdepth.scene.model import Role
 
 SIZE = (500, 1000)
 PLAN = np.array([[-2.0, -1.5], [4.0, -1.5], [4.0, 1.0], [1.5, 1.0], [1.5, 3.0], [-2.0, 3.0]])
 POSE = Pose(np.array([0.3, -0.2, 1.9]), euler_rotation([3.0, -4.0, 130.0]))
-PLACE = Place(POSE, (3.0, -4.0, 130.0), np.ones((*SIZE, 3), np.float32))
+SOURCE = PosedPanorama(POSE, (3.0, -4.0, 130.0), np.ones((*SIZE, 3), np.float32))
 FLOOR = 0.4  # 1.5 m below the camera
 
 
@@ -31,7 +31,7 @@ def level(corners, height):
 
 def made(floor=PLAN, **settings):
     clicked = Clicked(click(level(floor, FLOOR)), **settings)
-    return {s.name: s for s in surfaces_from_layout(clicked, PLACE, camera_height=1.5, ceiling=2.4)}
+    return {s.name: s for s in surfaces_from_layout(clicked, SOURCE, camera_height=1.5, ceiling=2.4)}
 
 
 @pytest.mark.parametrize("order", [PLAN, PLAN[::-1], np.roll(PLAN, 2, axis=0)])
@@ -50,7 +50,7 @@ def test_an_l_shaped_room_comes_back_closed(order):
 def test_the_ceiling_is_as_high_as_its_clicked_corner():
     corner = click([[4.0, -1.5, FLOOR + 2.73]])
     clicked = Clicked(click(level(PLAN, FLOOR)), ceiling_corner=corner)
-    surfaces = surfaces_from_layout(clicked, PLACE, camera_height=1.5)
+    surfaces = surfaces_from_layout(clicked, SOURCE, camera_height=1.5)
     assert surfaces[2].name == "ceiling"
     np.testing.assert_allclose(surfaces[2].mesh.vertices[:, 2], FLOOR + 2.73, atol=1e-3)
 
@@ -82,7 +82,7 @@ def test_furniture_stands_where_it_was_clicked():
 
 
 def test_outdoors_the_ground_is_a_disk_and_the_rest_sky():
-    (ground,) = surfaces_from_layout(Clicked(), PLACE, camera_height=1.5, ground_radius=30.0)
+    (ground,) = surfaces_from_layout(Clicked(), SOURCE, camera_height=1.5, ground_radius=30.0)
     assert ground.role is Role.SUPPORT
     assert trimesh.Trimesh(ground.mesh.vertices, ground.mesh.faces).area == pytest.approx(np.pi * 30**2, rel=2e-3)
     coverage = measure_coverage([ground], POSE, True)
@@ -110,4 +110,4 @@ def test_outdoors_the_ground_is_a_disk_and_the_rest_sky():
 )  # fmt: skip
 def test_wrong_clicks_are_explained(clicked, settings, message):
     with pytest.raises(InputError, match=message):
-        surfaces_from_layout(clicked, PLACE, camera_height=1.5, **settings)
+        surfaces_from_layout(clicked, SOURCE, camera_height=1.5, **settings)

@@ -8,7 +8,7 @@ import trimesh
 
 from lightdepth.checks import inspect_file
 from lightdepth.errors import InputError
-from lightdepth.reconstruction.place import parse_three, read_place
+from lightdepth.reconstruction.posed_panorama import parse_three, read_posed_panorama
 from lightdepth.reconstruction.result import closed, save
 from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import Mesh, RealSurface, Role
@@ -47,8 +47,8 @@ def scene(tmp_path, panorama):
 
 
 def test_tables_are_put_in_and_the_rest_is_kept(scene):
-    place = read_place(scene)
-    save(closed(SURFACES, place, False), place, scene.parent / "meshes", scene, None)
+    source = read_posed_panorama(scene)
+    save(closed(SURFACES, source, False), source, scene.parent / "meshes", scene, None)
     text = scene.read_text(encoding="utf-8")
     for kept in ("# My lounge.\n", "# shot in May\n", "# the old one\n", "samples = 16  # quick\n"):
         assert kept in text
@@ -62,37 +62,37 @@ def test_tables_are_put_in_and_the_rest_is_kept(scene):
 
 def test_lines_end_as_the_files_own_do(scene):
     scene.write_bytes(SCENE.replace("\n", "\r\n").encode())
-    place = read_place(scene)
-    save(closed(SURFACES, place, False), place, scene.parent / "meshes", scene, None)
+    source = read_posed_panorama(scene)
+    save(closed(SURFACES, source, False), source, scene.parent / "meshes", scene, None)
     content = scene.read_bytes()
     assert b"ceiling.ply" in content
     assert content.count(b"\n") == content.count(b"\r\n")
 
 
 def test_a_second_run_changes_nothing(scene):
-    place = read_place(scene)
-    result = closed(SURFACES, place, False)
-    save(result, place, scene.parent / "meshes", scene, None)
+    source = read_posed_panorama(scene)
+    result = closed(SURFACES, source, False)
+    save(result, source, scene.parent / "meshes", scene, None)
     first = scene.read_bytes()
-    save(result, place, scene.parent / "meshes", scene, None)
+    save(result, source, scene.parent / "meshes", scene, None)
     assert scene.read_bytes() == first
 
 
 def test_a_scene_file_is_begun(tmp_path, panorama):
-    place = read_place(panorama, (0.1, -0.2, 1.5), (2.0, -3.0, 25.0))
-    save(closed(SURFACES, place, False), place, tmp_path / "meshes", tmp_path / "new.toml", tmp_path / "check.png")
+    source = read_posed_panorama(panorama, (0.1, -0.2, 1.5), (2.0, -3.0, 25.0))
+    save(closed(SURFACES, source, False), source, tmp_path / "meshes", tmp_path / "new.toml", tmp_path / "check.png")
     loaded = load_scene(tmp_path / "new.toml")
-    np.testing.assert_allclose(loaded.panorama.position, place.pose.position)
-    np.testing.assert_allclose(loaded.panorama.rotation, place.pose.rotation)
+    np.testing.assert_allclose(loaded.panorama.position, source.pose.position)
+    np.testing.assert_allclose(loaded.panorama.rotation, source.pose.rotation)
     assert (tmp_path / "check.png").stat().st_size > 1000
 
 
 @pytest.mark.parametrize("kept", [SCENE, "render.samples = 3\n"])
 def test_sky_is_declared(scene, kept):
-    place = read_place(scene)
+    source = read_posed_panorama(scene)
     scene.write_text(kept, encoding="utf-8")
     for _ in range(2):
-        save(closed(SURFACES[:1], place, True), place, scene.parent / "meshes", scene, None)
+        save(closed(SURFACES[:1], source, True), source, scene.parent / "meshes", scene, None)
         assert scene.read_text(encoding="utf-8").count("sky = true") == 1
         assert tomllib.loads(scene.read_text(encoding="utf-8"))["panorama"]["sky"] is True
     if kept == SCENE:
@@ -100,21 +100,21 @@ def test_sky_is_declared(scene, kept):
 
 
 def test_nothing_is_written_where_the_scene_file_is_wrong(scene):
-    place = read_place(scene)
+    source = read_posed_panorama(scene)
     scene.write_text("real = 3\n", encoding="utf-8")
     with pytest.raises(InputError, match=r"'real' must be an array of tables"):
-        save(closed(SURFACES, place, False), place, scene.parent / "meshes", scene, scene.parent / "check.png")
+        save(closed(SURFACES, source, False), source, scene.parent / "meshes", scene, scene.parent / "check.png")
     assert not (scene.parent / "meshes").exists()
     assert not (scene.parent / "check.png").exists()
 
 
 def test_wrong_places_are_explained(scene, tmp_path):
     with pytest.raises(InputError, match="give a scene file, or --position"):
-        read_place(None)
+        read_posed_panorama(None)
     with pytest.raises(InputError, match="write three numbers"):
         parse_three("1,2", "--position")
     scene.write_text('[panorama]\nimage = "none.exr"\n', encoding="utf-8")
     with pytest.raises(InputError, match=r"scene.toml:2: \[panorama\].*none.exr"):
-        read_place(scene)
+        read_posed_panorama(scene)
     with pytest.raises(InputError, match="no such file"):
-        read_place(tmp_path / "missing.toml")
+        read_posed_panorama(tmp_path / "missing.toml")

@@ -24,7 +24,7 @@ from lightdepth.place.real_surfaces import FaceKind, merge_real_surfaces  # noqa
 from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
 from lightdepth.preparation import place as preparation  # noqa: E402
 from lightdepth.recovery.support_irradiance import recover_irradiance  # noqa: E402
-from lightdepth.recovery.unseen_albedo import recover_hidden  # noqa: E402
+from lightdepth.recovery.unseen_albedo import recover_unseen  # noqa: E402
 from tests.transport.places import lamp_image, room  # noqa: E402
 
 WIDTH, SAMPLES = 48, 256
@@ -50,7 +50,7 @@ def photographed(scene):
 
 def recovered(scene):
     place, real = photographed(scene)
-    return recover_hidden(place, real, np.random.default_rng(1), 256)
+    return recover_unseen(place, real, np.random.default_rng(1), 256)
 
 
 def look(place, view):
@@ -62,10 +62,10 @@ def look(place, view):
     direction = as_matrix(view.rotation) @ direction
     ray = mi.Ray3f(mi.Point3f(mi.Vector3f(origin) + mi.Vector3f(as_point(view.position))), direction)
     hit = place.surfaces.first_real(ray, mi.Bool(True))
-    _, hidden, _ = place.photograph.sight(mi.Vector3f(hit.point), hit.normal)
+    _, unseen, _ = place.photograph.sight(mi.Vector3f(hit.point), hit.normal)
     ray = mi.Ray3f(mi.Point3f(0.0), direction)
     radiance, pdf, _ = place.photograph.arriving(ray, hit, hit.distance, mi.Bool(True))
-    return hit, hidden.numpy(), radiance.numpy().T, pdf.numpy()
+    return hit, unseen.numpy(), radiance.numpy().T, pdf.numpy()
 
 
 @pytest.fixture(scope="module")
@@ -82,35 +82,35 @@ def error(found, wanted, chosen):
     return abs(found.mean() / mean.mean() - 1.0), np.sqrt(max(squared, 0.0)) / mean.mean()
 
 
-def test_hidden_walls_have_the_radiance_that_they_have(far_leg):
+def test_unseen_walls_have_the_radiance_that_they_have(far_leg):
     wanted = truth(FAR_LEG, "view", WIDTH, SAMPLES, objects=False)
     place, _ = recovered(far_leg)
-    _, hidden, radiance, pdf = look(place, far_leg.cameras["view"])
-    assert hidden.mean() > 0.5
-    assert (pdf[hidden] == 0.0).all()
-    of_mean, rms = error(radiance, wanted, hidden)
+    _, unseen, radiance, pdf = look(place, far_leg.cameras["view"])
+    assert unseen.mean() > 0.5
+    assert (pdf[unseen] == 0.0).all()
+    of_mean, rms = error(radiance, wanted, unseen)
     assert of_mean < 0.04
     assert rms < 0.16
     # What stands before them is no likeness of them.
     _, _, before, _ = look(photographed(far_leg)[0], far_leg.cameras["view"])
-    assert error(before, wanted, hidden)[1] > 0.4
+    assert error(before, wanted, unseen)[1] > 0.4
 
 
 def test_what_is_seen_is_the_photograph_bit_by_bit(far_leg):
     """From a camera that sees lamps, both legs, and faces of which the capture point sees a part."""
     view = looking((2.0, 0.2, 0.8), (2.0, 3.0, 1.5), fov=110).camera("view", 96)
     place, _ = recovered(far_leg)
-    assert place.surfaces.knows_unseen
+    assert place.surfaces.has_unseen_albedo
     plain = place.with_surfaces(copy(place.surfaces))
-    plain.surfaces.knows_unseen = False
-    (_, hidden, after, pdf_after), (_, _, before, pdf_before) = look(place, view), look(plain, view)
-    assert 0.1 < hidden.mean() < 0.9
-    np.testing.assert_array_equal(after[~hidden], before[~hidden])
+    plain.surfaces.has_unseen_albedo = False
+    (_, unseen, after, pdf_after), (_, _, before, pdf_before) = look(place, view), look(plain, view)
+    assert 0.1 < unseen.mean() < 0.9
+    np.testing.assert_array_equal(after[~unseen], before[~unseen])
     np.testing.assert_array_equal(pdf_after, pdf_before)
-    assert (after != before)[hidden].any(axis=1).mean() > 0.95
+    assert (after != before)[unseen].any(axis=1).mean() > 0.95
 
 
-def test_hidden_environment_stays_environment_and_hidden_support_has_the_albedo_of_what_is_seen(far_leg):
+def test_unseen_environment_stays_environment_and_unseen_support_has_the_albedo_of_what_is_seen(far_leg):
     place, real = recovered(far_leg)
     modelled = merge_real_surfaces(far_leg.real)
     known = real.unseen_albedo.any(axis=1)
@@ -121,8 +121,8 @@ def test_hidden_environment_stays_environment_and_hidden_support_has_the_albedo_
     np.testing.assert_allclose(real.unseen_albedo[on_far_wall].mean(axis=0), (0.66, 0.64, 0.58), rtol=0.07)
     refined, _ = recover_irradiance(place, real, np.random.default_rng(2), 256)
     final = place.with_surfaces(TracedSurfaces(refined))
-    hit, hidden, _, _ = look(final, looking((1.9, 2.0, 1.3), (1.9, 4.2, 0.0)).camera("view", WIDTH))
-    on_floor = hidden & (hit.kind.numpy() == FaceKind.SUPPORT) & (np.abs(hit.point.numpy()[2]) < 1e-4)
+    hit, unseen, _, _ = look(final, looking((1.9, 2.0, 1.3), (1.9, 4.2, 0.0)).camera("view", WIDTH))
+    on_floor = unseen & (hit.kind.numpy() == FaceKind.SUPPORT) & (np.abs(hit.point.numpy()[2]) < 1e-4)
     assert on_floor.sum() > 50
     ratio = (
         np.pi * final.photograph.surface_radiance(hit, mi.Bool(True)) / final.surfaces.irradiance(hit, mi.Bool(True))
@@ -130,8 +130,8 @@ def test_hidden_environment_stays_environment_and_hidden_support_has_the_albedo_
     np.testing.assert_allclose(ratio.numpy().T[on_floor].mean(axis=0), (0.35, 0.33, 0.3), rtol=0.07)
 
 
-def test_hidden_glow_is_not_taken_for_reflected_light(far_leg):
-    """A lamp that is half hidden keeps the photograph's value, which at least is not that of a wall."""
+def test_unseen_glow_is_not_taken_for_reflected_light(far_leg):
+    """A lamp that is half unseen keeps the photograph's value, which at least is not that of a wall."""
     place, real = photographed(far_leg)
     _, known = recovered(far_leg)
     lamps = [surface for surface in far_leg.real if surface.name.startswith("lamp")]
@@ -143,11 +143,11 @@ def test_hidden_glow_is_not_taken_for_reflected_light(far_leg):
     assert not known.unseen_albedo[on_lamp][seen].any()
 
 
-def test_where_nothing_is_hidden_nothing_is_done():
+def test_where_nothing_is_unseen_nothing_is_done():
     scene = room(lamp_image(64))
     place, real = photographed(scene)
     generator = np.random.default_rng(1)
-    known = recover_hidden(place, real, generator, 256)
+    known = recover_unseen(place, real, generator, 256)
     assert known[0] is place
     assert known[1] is real
     assert generator.random() == np.random.default_rng(1).random()
@@ -167,6 +167,6 @@ def test_a_mirror_in_the_far_leg_shows_its_walls(monkeypatch):
         return np.median(np.abs(frame.synthetic - wanted.mean)[inside])
 
     with_hidden = missing()
-    monkeypatch.setattr(preparation, "recover_hidden", lambda place, surfaces, *_: (place, surfaces))
+    monkeypatch.setattr(preparation, "recover_unseen", lambda place, surfaces, *_: (place, surfaces))
     without = missing()
     assert with_hidden < 0.5 * without

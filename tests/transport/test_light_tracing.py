@@ -58,11 +58,11 @@ LIGHTS = {"even": 1.0, "from one side": lit_from_one_side()}
 SEEDS = range(16)
 """Of the pictures that are compared: the standard deviation of fewer is too uncertain itself."""
 MORE_SEEDS = {("rough glass", "light where it can"): range(64)}
-"""Where single pictures are noisiest: what rough glass lets through is nearly all left to chance by one of the two."""
+"""Where single pictures are noisiest: one of the two leaves nearly all light through rough glass to chance."""
 FALSE_ALARM = 1e-6
 """Chance that a test fails by bad luck, by Student's test on pairs of pictures."""
 CAUGHT = 0.25
-"""Smallest error that is caught, relative to what light paths bring."""
+"""Smallest error that is caught, relative to the light of splats."""
 BESIDE, BEFORE = ball(WHITE, (-0.35, 1.1, 0.25), 0.25), ball(WHITE, (-0.2, 0.8, 0.9), 0.3)
 """Another ball, out of the light's way, or half in it."""
 
@@ -80,8 +80,8 @@ BESIDE, BEFORE = ball(WHITE, (-0.35, 1.1, 0.25), 0.25), ball(WHITE, (-0.2, 0.8, 
         ("rough metal", "from one side", BEFORE, "view", "directional"),
     ],
 )
-def test_the_light_is_the_same_however_it_is_shared(material, light, other, camera, method, monkeypatch):
-    # Paths from the light to matte objects too: what is likely for one material is not for another.
+def test_every_weighting_gives_the_same_light(material, light, other, camera, method, monkeypatch):
+    # Light paths toward matte objects too: pdf ratios differ from material to material.
     monkeypatch.setattr(objects, "is_polished", lambda shape: True)
     scene = room(LIGHTS[light], [ball(MATERIALS[material]), other], max_bounces=4)
     seeds = {name: MORE_SEEDS.get((material, name), SEEDS) for name in WEIGHTS}
@@ -92,20 +92,20 @@ def test_the_light_is_the_same_however_it_is_shared(material, light, other, came
         return pictures(scene, camera, method, seeds[name], 32).sum(axis=(1, 2, 3), dtype=np.float64)
 
     found = {name: sums(name) for name in WEIGHTS}
-    # The same without what light paths can bring: how much that is.
+    # The same without splats: how much they add.
     monkeypatch.setattr(LightImage, "add", lambda *_: None)
     seeds["light where it can"] = SEEDS
     expected = found.pop("camera alone")
-    brought = np.mean(expected[: len(SEEDS)] - sums("light where it can"))
+    splatted = np.mean(expected[: len(SEEDS)] - sums("light where it can"))
     for name, values in found.items():
         difference = values - expected[: len(values)]
         standard_error = difference.std(ddof=1) / np.sqrt(len(difference))
         tolerance = student_t.isf(0.5 * FALSE_ALARM, len(difference) - 1) * standard_error
-        assert tolerance < CAUGHT * brought, name
+        assert tolerance < CAUGHT * splatted, name
         assert np.abs(difference.mean()) < tolerance, name
 
 
-def test_light_paths_make_what_polished_metal_throws_less_noisy(monkeypatch):
+def test_light_tracing_makes_caustics_of_polished_metal_less_noisy(monkeypatch):
     metal = ball(Metal(type="metal", name="Ag", roughness=0.3))
     scene = room(lit_from_one_side(), [metal, BESIDE])
     ids = begin_rendering(scene, "view").complete(1).object_id
@@ -120,11 +120,11 @@ def test_beams_are_drawn_with_the_density_that_they_say():
     bounds = ObjectBounds([(np.array([0.0, 0.0, 1.0]), 0.5), (np.array([1.2, 0.3, 0.8]), 0.3)])
     count = 1 << 18
     random = mi.PCG32(count)
-    numbers = [random.next_float32() for _ in range(3)]
+    u = [random.next_float32() for _ in range(3)]
     toward_sky = dr.normalize(mi.Vector3f(0.4, -0.2, 0.9))
-    for place, finite in ((mi.Vector3f(3.0, 2.0, 2.5), mi.Bool(True)), (toward_sky, mi.Bool(False))):
-        beams = bounds.beams(place, finite)
-        origin, direction = beams.sample(numbers[0], mi.Point2f(numbers[1], numbers[2]))
+    for position, finite in ((mi.Vector3f(3.0, 2.0, 2.5), mi.Bool(True)), (toward_sky, mi.Bool(False))):
+        beams = bounds.beams(position, finite)
+        origin, direction = beams.sample(u[0], mi.Point2f(u[1], u[2]))
         density = beams.pdf(origin, direction).numpy()
         assert (density > 0.0).mean() > 0.999
         # The mean of 1 / p is the size of all that can be drawn, here of two parts that do not overlap.

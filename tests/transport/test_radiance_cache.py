@@ -54,48 +54,48 @@ def test_a_cell_is_one_cube_of_one_facing(cache):
     assert len({int(cells_of(cache, points[:1], facing)[0][0]) for facing in facings}) == 6
 
 
-def test_what_is_learnt_is_the_mean_of_what_paths_met_in_a_cell(cache):
+def test_an_entry_is_the_mean_of_the_records_of_its_cell(cache):
     generator = np.random.default_rng(3)
     points = np.array([[3.0, 0.2, 0.1], [-3.0, 0.2, 0.1], [0.1, 2.2, 0.1], [0.1, -7.2, 0.1]])
     cells, _ = cells_of(cache, points)
     met = np.repeat([0, 1, 2], [50, 4, 1])
     changes = generator.normal(size=(len(met), 3)).astype(np.float32)
-    for part in np.array_split(generator.permutation(len(met)), 3):  # What was learnt before is kept.
-        with cache.learn(len(part)):
+    for part in np.array_split(generator.permutation(len(met)), 3):  # Earlier records are kept.
+        with cache.train(len(part)):
             slots = mi.UInt32(np.arange(len(part), dtype=np.uint32))
             cache.record(slots, mi.UInt64(cells[met[part]]), mi.Color3f(changes[part].T), mi.Bool(True))
-    known, mean = cache.look_up(mi.UInt64(cells), mi.Bool(True))
-    np.testing.assert_array_equal(known.numpy(), [True, True, True, False])
+    found, mean = cache.look_up(mi.UInt64(cells), mi.Bool(True))
+    np.testing.assert_array_equal(found.numpy(), [True, True, True, False])
     for index in (0, 1, 2):
         np.testing.assert_allclose(mean.numpy()[:, index], changes[met == index].mean(axis=0), rtol=1e-4, atol=1e-6)
     assert not cache.look_up(mi.UInt64(cells), mi.Bool(False))[0].numpy().any()
 
 
-def test_cells_with_few_records_lean_on_their_neighbours(cache):
-    """On the eight cells of one block; what a neighbouring block knows does not matter."""
+def test_cells_with_few_records_are_shrunk_toward_the_mean_of_their_block(cache):
+    """On the eight cells of one block; records of a neighbouring block do not matter."""
     edge = 4.0
     points = 16.0 + edge * (0.5 + np.array([[0, 0, 0], [1, 0, 0], [0, 1, 1], [2, 0, 0], [-1, 0, 0]]))
     cells, edges = cells_of(cache, points)
     assert (edges == edge).all()
     for cell, records, value in ((0, 1, 9.0), (1, 3000, 1.0), (3, 5, 100.0)):
-        with cache.learn(records):
+        with cache.train(records):
             cache.record(dr.arange(mi.UInt32, records), mi.UInt64([int(cells[cell])]), mi.Color3f(value), mi.Bool(True))
-    known, mean = cache.look_up(mi.UInt64(cells), mi.Bool(True))
-    np.testing.assert_array_equal(known.numpy(), [True, True, True, True, False])
+    found, mean = cache.look_up(mi.UInt64(cells), mi.Bool(True))
+    np.testing.assert_array_equal(found.numpy(), [True, True, True, True, False])
     around = (9.0 + 3000.0) / 3001.0
     expected = [(9.0 + 4.0 * around) / 5.0, (3000.0 + 4.0 * around) / 3004.0, around, 100.0]
     np.testing.assert_allclose(mean.numpy()[0, :4], expected, rtol=1e-5)
 
 
-def test_paths_that_do_not_learn_leave_no_trace(cache):
+def test_paths_that_do_not_train_leave_no_record(cache):
     cells, _ = cells_of(cache, [[3.0, 0.2, 0.1]] * 10)
     cache.record(dr.arange(mi.UInt32, 10), mi.UInt64(cells), mi.Color3f(1.0), mi.Bool(True))
-    with cache.learn(10):
+    with cache.train(10):
         pass
     assert not cache.look_up(mi.UInt64(cells), mi.Bool(True))[0].numpy().any()
 
 
-def test_cells_take_noise_away_and_leave_the_picture(monkeypatch):
+def test_the_cache_reduces_noise_and_keeps_the_picture(monkeypatch):
     scene = room(lamp_image(128), [ball(GREY, (1.8, 1.2, 0.4))])
 
     def pictures():

@@ -28,7 +28,7 @@ that the variance of its ends falls with its length, but only down to what mason
 1 + SHORT / length."""
 
 HALVES = 16
-"""How many random halves of the edges are solved anew for the confidence."""
+"""How many random halves of the edges are solved again for the confidence."""
 
 AGREEMENT = 1.0
 """Degrees within which the solution of a half must be."""
@@ -44,7 +44,7 @@ class RoomFrame:
     Attributes:
         rotation: light space to a frame with z up and x and y along the walls, shape (3, 3); y is the wall direction
             nearest to the panorama's centre column.
-        confidence: share of random halves of the edges that, solved anew, give the same rotation within a degree.
+        confidence: share of random halves of the edges that, solved again, give the same rotation within a degree.
         level_error: expected error of the vertical, degrees.
         heading_error: expected error of the heading, degrees.
         residual: root mean square deviation of the edges that point along x, y or z, degrees.
@@ -84,14 +84,14 @@ def find_room_frame(arcs: Arcs, progress: Callable[[float], None] = lambda share
     random = np.random.default_rng(seed)
     rotation = _search(arcs, random, 800)
     level, heading, agree = [], [], []
-    for number in range(HALVES):
+    for done in range(HALVES):
         half = arcs.take(random.permutation(len(arcs))[: len(arcs) // 2])
         other = _nearest_quarter_turn(_search(half, random, 200), rotation)
         step = other @ rotation.T
         level.append(np.degrees(np.arccos(np.clip(step[2, 2], -1.0, 1.0))))
         heading.append(abs(np.degrees(np.arctan2(step[1, 0], step[0, 0]))))
         agree.append(np.degrees(np.arccos(np.clip((np.trace(step) - 1) / 2, -1.0, 1.0))) < AGREEMENT)
-        progress((number + 1) / HALVES)
+        progress((done + 1) / HALVES)
     deviation = arcs.deviation(rotation)
     axis = np.abs(deviation).argmin(axis=0)
     deviation = np.take_along_axis(deviation, axis[None], axis=0)[0]

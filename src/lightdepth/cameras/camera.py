@@ -93,7 +93,7 @@ class Camera(BaseModel, ABC):
         return False
 
     def blur(self, depth: mi.Float) -> mi.Float:
-        """Radius in pixels of the disk over which the lens spreads points.
+        """Radius in pixels of the disk over which the lens blurs points.
 
         Args:
             depth: of the points along the camera's axis, metres, inf for sky.

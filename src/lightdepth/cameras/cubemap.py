@@ -59,11 +59,11 @@ class Cubemap(Camera):
         column = dr.clip(dr.floor(film.x * columns), 0.0, columns - 1.0)
         row = dr.clip(dr.floor(film.y * rows), 0.0, rows - 1.0)
         right, down = 2.0 * (film.x * columns - column) - 1.0, 2.0 * (film.y * rows - row) - 1.0
-        number = mi.UInt32(row * columns + column)
+        tile = mi.UInt32(row * columns + column)
         direction = mi.Vector3f(0.0)
         for face, axes in enumerate(FACES):
             middle, across, along = (mi.Vector3f(*axis) for axis in axes)
-            direction = dr.select(number == face, middle + right * across + down * along, direction)
+            direction = dr.select(tile == face, middle + right * across + down * along, direction)
         return mi.Point3f(0.0), dr.normalize(direction), mi.Bool(True)
 
     def film_point(self, target: mi.Point3f, lens: mi.Point2f) -> FilmPoint:  # noqa: D102

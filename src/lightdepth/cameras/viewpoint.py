@@ -16,7 +16,8 @@ if TYPE_CHECKING:
     import mitsuba as mi
 
 INSIDE = 1.0 - 2.0**-9
-"""Largest offset in a pixel where films are cut into charts: single precision tells it from the next pixel in all sizes."""
+"""Largest offset in a pixel where films are cut into charts: in single precision it stays below the next pixel, at all
+sizes."""
 
 
 @dataclass

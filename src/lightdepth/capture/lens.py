@@ -55,7 +55,7 @@ class Lens:
         """The lens with yaw, pitch and roll of a :attr:`rotation`; straight up and down the roll is 0."""
         sine = float(np.clip(rotation[2, 1], -1.0, 1.0))
         if abs(sine) > 1.0 - 1e-12:
-            # There yaw and roll turn about one axis: the side that points right tells their sum.
+            # There yaw and roll turn about one axis: the side that points right gives their sum.
             yaw, roll = -np.arctan2(rotation[1, 0], rotation[0, 0]), 0.0
         else:
             yaw = np.arctan2(rotation[0, 1], rotation[1, 1])

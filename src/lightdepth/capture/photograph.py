@@ -77,7 +77,7 @@ def read_photograph(path: Path, orientation: int = 1, white_balance: WhiteBalanc
 def shared_white_balance(photographs: Sequence[Path]) -> WhiteBalance | None:
     """One white balance for all photographs of a shoot, for colours that change between them cannot be merged.
 
-    Cameras that are left to choose choose anew for every photograph. The median of their choices is taken.
+    Cameras on automatic choose again for every photograph. The median of their choices is taken.
 
     Args:
         photographs: all RAW, or none.

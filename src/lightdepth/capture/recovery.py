@@ -3,7 +3,7 @@
 Their equation is kept: ``g(reading) = ln(radiance) + ln(exposure)``, linear in the unknown curve ``g`` and in the
 unknown radiances. What differs from the textbook (and from OpenCV's ``CalibrateDebevec``, which the tests compare):
 thousands of evenly lit patches instead of some dozens of single pixels; smoothness is asked of the curve's difference
-from sRGB, not of the curve, which bends most where it is known least; readings count by what they tell (the noise of
+from sRGB, not of the curve, which bends most where it is known least; readings count by what they determine (the noise of
 ``g`` is its slope times the noise of the reading); and patches that changed during the bracket lose their say.
 """
 
@@ -70,7 +70,7 @@ def choose_samples(
         Readings in [0, 1], shape (count, number of photographs, 3).
     """
     means = np.stack([mean.reshape(-1, 3) for mean, _ in patches], axis=1)
-    # Unevenness in the exposure that shows it best; clipped patches look even and tell nothing.
+    # Unevenness in the exposure that shows it best; clipped patches look even and determine nothing.
     spread = np.max([deviation.reshape(-1, 3).max(axis=1) for _, deviation in patches], axis=0)
     brightness = means.mean(axis=(1, 2))
     usable = np.flatnonzero((brightness > 0.01) & (brightness < 0.99))

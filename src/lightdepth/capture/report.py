@@ -1,4 +1,4 @@
-"""What the capture commands tell about their results: plain numbers for a file, tables for a person."""
+"""The reports of the capture commands: plain numbers for a file, tables for a person."""
 
 from __future__ import annotations
 

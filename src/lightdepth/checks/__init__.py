@@ -1,6 +1,6 @@
 """Is a loaded scene fit to be rendered? What spoils the picture is found before any time is spent on it.
 
-Each file knows one kind of mistake. Errors make a rendering meaningless; warnings and hints tell what to look at.
+Each file knows one kind of mistake. Errors make a rendering meaningless; warnings and hints say what to look at.
 """
 
 from lightdepth.checks.coverage import Coverage, Hole

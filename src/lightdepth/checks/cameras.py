@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Equirectangular, Fisheye, Perspective
 from lightdepth.checks.problem import Problem, Severity
-from lightdepth.checks.sampling import hidden, object_mesh
+from lightdepth.checks.sampling import object_mesh, unseen
 from lightdepth.checks.view import CaptureView, enclosure, sphere
 from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.scene.model import CameraView, Scene
@@ -16,7 +16,7 @@ AROUND = 0.75
 """From this share of directions on that meet an object, a point is inside it."""
 FINER = 3.0
 """So many times as many pixels to a degree as the photograph has make it visibly soft beside sharp objects."""
-MUCH_HIDDEN = 0.15
+MUCH_UNSEEN = 0.15
 """Share of a camera's view that the capture point did not see from which a word is due."""
 FAR = 0.5
 """A camera so far from the capture point, relative to the usual distance of surfaces, shows every error of their model."""
@@ -33,9 +33,9 @@ def camera_problems(scene: Scene, view: CaptureView) -> list[Problem]:
     """
     problems = _around(scene)
     for name, camera in scene.cameras.items():
-        told = f"[camera.{name}]"
+        where = f"[camera.{name}]"
         soft, far = _softness(camera, scene), _far_away(camera, view)
-        problems += [Problem(Severity.HINT, f"{told}: {message}") for message in (soft, far) if message is not None]
+        problems += [Problem(Severity.HINT, f"{where}: {message}") for message in (soft, far) if message is not None]
     return problems
 
 
@@ -100,19 +100,19 @@ def _far_away(view: CameraView, capture: CaptureView) -> str | None:
     if not met.any():
         return None
     points = view.position + hits.distance[met, None] * directions[met]
-    unseen = float(hidden(points, capture).mean()) * float(met.mean())
+    share = float(unseen(points, capture).mean()) * float(met.mean())
     usual = float(np.median(capture.distance[np.isfinite(capture.distance)]))
-    if unseen < MUCH_HIDDEN and distance < FAR * usual:
+    if share < MUCH_UNSEEN and distance < FAR * usual:
         return None
     return (
-        f"is {distance:.2g} m from the capture point, and surfaces are {usual:.2g} m from that; {100.0 * unseen:.0f} % of "
-        "what it sees was hidden from there and has a colour from elsewhere, and errors of the model show. Stay nearer, or "
-        "model finer"
+        f"is {distance:.2g} m from the capture point, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of "
+        "what it sees is occluded from there and has a colour from elsewhere, and errors of the model show. Stay nearer, "
+        "or model finer"
     )
 
 
 def _directions(view: CameraView) -> NDArray[np.float64]:
-    """Spread over what a camera sees, unit, world, shape (n, 3)."""
+    """Distributed over what a camera sees, unit, world, shape (n, 3)."""
     camera, everywhere = view.camera, sphere(4000)
     if isinstance(camera, Equirectangular):
         return everywhere

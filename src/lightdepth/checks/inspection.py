@@ -71,7 +71,7 @@ def find_problems(scene: Scene, hints: bool = True) -> list[Problem]:
 
     Args:
         scene: to be checked.
-        hints: also tell what may be an oversight, which takes a closer look.
+        hints: also report possible oversights, which takes a closer look.
 
     Raises:
         SetupError: rays cannot be cast, for libLLVM is missing.

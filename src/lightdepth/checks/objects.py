@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lightdepth.checks.capture_point import CLOSED
 from lightdepth.checks.problem import Problem, Severity
-from lightdepth.checks.sampling import hidden, object_mesh, surface_points
+from lightdepth.checks.sampling import object_mesh, surface_points, unseen
 from lightdepth.checks.view import CaptureView, enclosure
 from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.scene.identity import digest
@@ -35,7 +35,7 @@ COPLANAR = 0.0005
 def object_problems(
     objects: Sequence[SyntheticObject], view: CaptureView, known: dict[str, list[Problem]]
 ) -> list[Problem]:
-    """Find objects outside the room or hidden, and faces that coincide with real ones.
+    """Find objects outside the room or unseen, and faces that coincide with real ones.
 
     Args:
         objects: the new objects.
@@ -63,10 +63,10 @@ def standing_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> 
     problems = []
     meshes = [object_mesh(thing) for thing in objects]
     others = RayCaster(meshes)
-    for number, (thing, mesh) in enumerate(zip(objects, meshes, strict=True)):
+    for index, (thing, mesh) in enumerate(zip(objects, meshes, strict=True)):
         points, _ = surface_points(mesh.vertices, mesh.faces, POINTS)
         if len(points) and _out_of_sight(points, view, is_lamp(thing)) is None:
-            problems += _named(thing, _standing(mesh, number, others, view))
+            problems += _named(thing, _standing(mesh, index, others, view))
     return problems
 
 
@@ -92,7 +92,7 @@ def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) ->
 
     Lamps may stand outside, as a sun does.
     """
-    concealed = bool(hidden(points, view).all())
+    concealed = bool(unseen(points, view).all())
     if lamp:
         message = "is a lamp that real surfaces hide from the capture point; they hold back its light as well"
         return Problem(Severity.HINT, message) if concealed else None
@@ -114,7 +114,7 @@ def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) ->
     )
 
 
-def _standing(mesh: Mesh, number: int, objects: RayCaster, view: CaptureView) -> Problem | None:
+def _standing(mesh: Mesh, index: int, objects: RayCaster, view: CaptureView) -> Problem | None:
     """An object whose lowest points are a little above, or below, the surface under them."""
     low, high = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
     lowest = mesh.vertices[mesh.vertices[:, 2] < low + 1e-3]
@@ -128,7 +128,7 @@ def _standing(mesh: Mesh, number: int, objects: RayCaster, view: CaptureView) ->
         return Problem(Severity.HINT, f"reaches {1000 * (ground - low):.1f} mm into the real surface under it")
     just_below = lowest - [0.0, 0.0, 1e-4]
     under = objects.cast(just_below, down)
-    other = np.where(under.mesh == number, np.inf, under.distance)
+    other = np.where(under.mesh == index, np.inf, under.distance)
     gap = min(low - ground, float(other.min()))
     if CONTACT < gap < DELIBERATE_GAP:
         return Problem(Severity.HINT, f"floats {1000 * gap:.1f} mm above what is under it")
@@ -138,13 +138,13 @@ def _standing(mesh: Mesh, number: int, objects: RayCaster, view: CaptureView) ->
 def _coinciding(points: NDArray[np.float64], normals: NDArray[np.float64], view: CaptureView) -> Problem | None:
     """Visible faces that lie in a real surface, so that either may win.
 
-    A box's bottom on the floor does not count: what lies before it, on the far side of the floor, is hidden.
+    A box's bottom on the floor does not count: what lies before it, on the far side of the floor, is unseen.
     """
     step = 0.01
     before = points + step * normals
     hits = view.caster.cast(before, -normals)
     same = (np.abs(hits.distance - step) < COPLANAR) & (np.abs(np.einsum("ij,ij->i", hits.normal, normals)) > 0.999)
-    if not same.any() or not np.any(~hidden(before[same], view)):
+    if not same.any() or not np.any(~unseen(before[same], view)):
         return None
     x, y, z = points[same][0]
     name = view.names[hits.mesh[same][0]]

@@ -15,7 +15,7 @@ def radiance_problems(panorama: Panorama) -> list[Problem]:
     mean = float(panorama.radiance.mean())
     if mean == 0.0:
         return [Problem(Severity.WARNING, f"{name}: is black everywhere and lights nothing")]
-    if panorama.notes:  # They tell what was clipped as well.
+    if panorama.notes:  # They report what was clipped as well.
         return [Problem(Severity.WARNING, f"[panorama]: {note}") for note in panorama.notes]
     if panorama.unclipped is not None:  # The scene declares what they really send.
         return []

@@ -18,7 +18,7 @@ TOLERANCE = 0.005
 def surface_points(
     vertices: NDArray[np.float32], faces: NDArray[np.int32], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Points spread evenly over a mesh's area, the same ones each time.
+    """Points distributed evenly over a mesh's area, the same ones each time.
 
     Returns:
         ``(points, normals)``, each of shape (count, 3), normals unit and as the faces are wound; of shape (0, 3) for a
@@ -38,8 +38,8 @@ def surface_points(
     return a + u * (b - a) + v * (c - a), cross[chosen] / np.maximum(twice_area[chosen], 1e-300)[:, None]
 
 
-def hidden(points: NDArray[np.floating], view: CaptureView) -> NDArray[np.bool_]:
-    """Whether a real surface stands between the capture point and points of shape (n, 3)."""
+def unseen(points: NDArray[np.floating], view: CaptureView) -> NDArray[np.bool_]:
+    """Whether points of shape (n, 3) are occluded from the capture point by real surfaces."""
     towards = points - view.position
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     hits = view.caster.cast(view.position, towards / distance[:, None])

@@ -80,7 +80,7 @@ def enclosure(caster: RayCaster, point: NDArray[np.floating], count: int = 2000)
 
 
 def sphere(count: int) -> NDArray[np.float64]:
-    """Evenly spread unit vectors, shape (count, 3): the Fibonacci lattice."""
+    """Evenly distributed unit vectors, shape (count, 3): the Fibonacci lattice."""
     z = 1.0 - (2.0 * np.arange(count) + 1.0) / count
     phi = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(count)
     radius = np.sqrt(1.0 - z * z)

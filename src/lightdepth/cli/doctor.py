@@ -40,7 +40,7 @@ def doctor(
         "Hugin tools": f"not found: {', '.join(missing)} (only stitching needs them)" if missing else "found",
         "processors": str(diagnosis.usable_processors()),
         "memory": f"{diagnosis.memory() / 2**30:.1f} GiB",
-        "kernel cache": str(cache) if cache else "off, as HOME is not set: every start compiles anew",
+        "kernel cache": str(cache) if cache else "off, as HOME is not set: every start compiles again",
     }
     _print(facts)
     problem: LightdepthError | None = None

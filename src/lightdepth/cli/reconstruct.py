@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from lightdepth.reconstruction.lights import Source
-    from lightdepth.reconstruction.place import Place
+    from lightdepth.reconstruction.posed_panorama import PosedPanorama
     from lightdepth.reconstruction.result import Reconstruction
 
 app = typer.Typer(no_args_is_help=True)
@@ -116,14 +116,16 @@ def layout(
     """
     from lightdepth.errors import InputError
     from lightdepth.reconstruction.layout import Clicked, surfaces_from_layout
-    from lightdepth.reconstruction.place import parse_three, read_place
+    from lightdepth.reconstruction.posed_panorama import parse_three, read_posed_panorama
     from lightdepth.reconstruction.result import closed
 
     if outdoor == (floor is not None):
         raise InputError("give either --floor (a room) or --outdoor (a ground disk)")
     if not outdoor and (ceiling is None) == (ceiling_corner is None):
         raise InputError("give either --ceiling (metres) or --ceiling-corner (one click)")
-    place = read_place(source, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height)
+    place = read_posed_panorama(
+        source, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height
+    )
     if camera_height is not None and abs(place.pose.position[2] - camera_height) > 1e-6:
         floor_level = place.pose.position[2] - camera_height
         typer.echo(
@@ -176,10 +178,10 @@ def from_depth(
     """
     from lightdepth.reconstruction.depth_image import read_depth_image
     from lightdepth.reconstruction.from_depth import surfaces_from_depth
-    from lightdepth.reconstruction.place import parse_three, read_place
+    from lightdepth.reconstruction.posed_panorama import parse_three, read_posed_panorama
     from lightdepth.reconstruction.result import closed
 
-    place = read_place(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
+    place = read_posed_panorama(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
     image = read_depth_image(depth, scale, sky, kind, sky_beyond, channel)
     with _progress() as progress:
         task = progress.add_task("Meshing the depth", total=1.0)
@@ -233,11 +235,11 @@ def from_points(
     """
     from lightdepth.packages import require_package
     from lightdepth.reconstruction.from_points import surfaces_from_points
-    from lightdepth.reconstruction.place import parse_three, read_place
     from lightdepth.reconstruction.point_cloud import read_points
+    from lightdepth.reconstruction.posed_panorama import parse_three, read_posed_panorama
     from lightdepth.reconstruction.result import closed
 
-    place = read_place(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
+    place = read_posed_panorama(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
     require_package("pymeshlab", "points")  # Not first found out when all points are read and cleaned.
     cloud = read_points(points, scale, up.value, parse_three(origin, "--origin") or (0.0, 0.0, 0.0))
     with _progress() as progress:
@@ -335,7 +337,7 @@ def _progress() -> Progress:
 
 
 def _finish(
-    result: Reconstruction, place: Place, folder: Path, scene: Path | None, picture: Path | None, as_json: bool
+    result: Reconstruction, place: PosedPanorama, folder: Path, scene: Path | None, picture: Path | None, as_json: bool
 ) -> None:
     """Write what was reconstructed and report it."""
     import json

@@ -72,7 +72,7 @@ def sun(
     from lightdepth.images.writing import check_writable
     from lightdepth.lighting.scene_file import write_light
     from lightdepth.lighting.sun import recover_sun
-    from lightdepth.reconstruction.place import parse_three
+    from lightdepth.reconstruction.posed_panorama import parse_three
     from lightdepth.scene.lights.frame import sun_direction
     from lightdepth.scene.load import load_scene
 
@@ -138,8 +138,8 @@ def clipped(
     """Lamps and suns that the panorama clipped: what they really send, from what they light.
 
     A sun is recovered from both sides of the shadows that the modelled place throws, a lamp from how its light falls off
-    over surfaces of one material; or either from clicks. What the photograph does not tell is left as it is, with bounds.
-    The panorama's file and the plate stay.
+    over surfaces of one material; or either from clicks. What the photograph does not determine stays as it is, with
+    bounds. The panorama's file and the plate stay.
 
     Example: lightdepth recover clipped court.toml --write
     """
@@ -192,7 +192,7 @@ def clipped(
                 if table["light"]
                 else "was not clipped: it lights things no more than the panorama says"
                 if table["method"] == "not clipped"
-                else "how strong it is, the photograph does not tell (give --pair or --grey)"
+                else "the photograph does not determine its strength (give --pair or --grey)"
             ),
             markup=False,
         )
@@ -239,7 +239,7 @@ def _report_sun(found: RecoveredSun, values: dict[str, Any], as_json: bool) -> N
             "agreement": round(found.agreement, 4),
             "found_edges": round(found.found_edges, 4),
             "pairs": len(irradiance.pairs.irradiance),
-            "spread": round(irradiance.spread, 4),
+            "spread": round(irradiance.deviation, 4),
             "by_surface": {name: [float(f"{v:.4g}") for v in value] for name, value in found.by_surface.items()},
             "confidence": found.confidence,
         }
@@ -255,7 +255,7 @@ def _report_sun(found: RecoveredSun, values: dict[str, Any], as_json: bool) -> N
     if found.direction_uncertainty > 0.0:
         line(f"  standard error {found.direction_uncertainty:.2f} degrees")
     line(
-        f"  {100 * found.found_edges:.0f} % of the edges that it foretells are seen, {found.residual:.2f} pixels off; "
+        f"  {100 * found.found_edges:.0f} % of the edges that it predicts are seen, {found.residual:.2f} pixels off; "
         f"correlation with what is bright {found.agreement:.2f}"
     )
     strengths = ", ".join(
@@ -264,7 +264,7 @@ def _report_sun(found: RecoveredSun, values: dict[str, Any], as_json: bool) -> N
     line(f"irradiance: {strengths}")
     line(
         f"  median of {len(irradiance.pairs.irradiance)} pairs of places, "
-        f"of which a single one is {100 * irradiance.spread:.0f} % off"
+        f"of which a single one is {100 * irradiance.deviation:.0f} % off"
     )
     for name, value in found.by_surface.items():
         line(f"  from {name} alone: {', '.join(f'{v:.4g}' for v in value)}")

@@ -41,7 +41,7 @@ class Accumulator:
         plate: the photograph, all pixels of the image in a row, shape (m, 3), float32: what they show where nothing new
             covers them.
         pixels: which of them are in the list, shape (n,), uint32.
-        light: what light paths bring to these, part of their change; ``None`` where there are none.
+        light: splats of light tracing on these, part of the image; ``None`` without light tracing.
 
     Attributes:
         taken: number of samples of each pixel of the list, shape (n,), uint32.
@@ -58,19 +58,19 @@ class Accumulator:
         """Add samples.
 
         Args:
-            slots: places in the list of pixels, each at most once, shape (k,).
+            slots: indices into the list of pixels, each at most once, shape (k,).
             sums: of the samples of each of ``slots``.
             counts: how many those are, shape (k,).
         """
-        place = mi.UInt32(aligned(slots, np.uint32))
+        index = mi.UInt32(aligned(slots, np.uint32))
         for total, color in (
             (self._change, sums.change),
             (self._synthetic, sums.synthetic),
             (self._squares, sums.squares),
         ):
             for channel in range(3):
-                _add(total, color[channel], 3 * place + channel)
-        _add(self._covered, sums.covered, place)
+                _add(total, color[channel], 3 * index + channel)
+        _add(self._covered, sums.covered, index)
         dr.eval(self._change, self._synthetic, self._squares, self._covered)
         self.taken[slots] += counts.astype(np.uint32)
 
@@ -81,7 +81,7 @@ class Accumulator:
         return {name: values.copy() for name, values in named.items()}
 
     def restore(self, taken: NDArray[np.uint32], sums: Mapping[str, NDArray[np.float32]]) -> None:
-        """Put sums in place of what there is.
+        """Replace the sums.
 
         Args:
             taken: number of samples of each pixel of the list, shape (n,).
@@ -98,7 +98,7 @@ class Accumulator:
         """The means so far of all pixels of the list.
 
         Args:
-            finish: put the means in place of the sums, which saves their memory; nothing can be added any more.
+            finish: overwrite the sums by the means, which saves their memory; nothing can be added afterwards.
         """
         sums = self._sums()
         result = sums if finish else Estimates(*(np.empty_like(getattr(sums, field.name)) for field in fields(sums)))
@@ -115,7 +115,7 @@ class Accumulator:
         Args:
             floor: radiance that is added to the brightness.
             exponent: the power.
-            with_light: with the part of the light paths, which more samples of the pixel would not lessen.
+            with_light: include the variance of splats, which more samples of the pixel do not reduce.
         """
         errors = np.empty(len(self._pixels), np.float32)
         for part, means in self._means(self._sums(), with_light):
@@ -151,15 +151,15 @@ class Accumulator:
         """
         for first in range(0, len(self._pixels), PIXELS_AT_ONCE):
             part = slice(first, min(first + PIXELS_AT_ONCE, len(self._pixels)))
-            number = np.maximum(self.taken[part], 1).astype(np.float32)
-            change, synthetic = sums.change[part] / number[:, None], sums.synthetic[part] / number[:, None]
-            coverage = sums.coverage[part] / number
+            count = np.maximum(self.taken[part], 1).astype(np.float32)
+            change, synthetic = sums.change[part] / count[:, None], sums.synthetic[part] / count[:, None]
+            coverage = sums.coverage[part] / count
             plate, mean = self._plate[self._pixels[part]], change + synthetic
             # Both are exactly 0 where a pixel is covered wholly: a lamp behind it does not swamp the variance.
             covariance = synthetic - mean * coverage[:, None]
-            spread = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
-            variance = sums.variance[part] / number[:, None] - np.square(mean) + spread
-            variance = np.maximum(variance, 0.0) / np.maximum(number - 1.0, 1.0)[:, None]
+            plate_variance = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
+            variance = sums.variance[part] / count[:, None] - np.square(mean) + plate_variance
+            variance = np.maximum(variance, 0.0) / np.maximum(count - 1.0, 1.0)[:, None]
             if with_light and self._light is not None:
                 light_change, light_synthetic, light_variance = self._light.means(part)
                 change, synthetic = change + light_change, synthetic + light_synthetic
@@ -168,5 +168,5 @@ class Accumulator:
 
 
 def _add(total: mi.Float, value: mi.Float, index: mi.UInt32) -> None:
-    """Add values to places of ``total`` that differ."""
+    """Add values to elements of ``total`` that differ."""
     dr.scatter_add(total, value, index, mode=dr.ReduceMode.NoConflicts)

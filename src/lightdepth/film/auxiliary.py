@@ -28,7 +28,7 @@ EDGES_AT_ONCE = 1 << 15
 
 @dataclass(frozen=True)
 class Auxiliary:
-    """What is seen besides light.
+    """Layers of a frame other than light.
 
     Attributes:
         mattes: how much of the pixels objects cover.
@@ -50,7 +50,7 @@ def render_auxiliary(
     names: tuple[tuple[str, ...], tuple[str, ...]],
     coverage: NDArray[np.float32] | None = None,
 ) -> Auxiliary:
-    """Render what is seen besides light.
+    """Render the layers other than light.
 
     Args:
         view: the camera.
@@ -116,13 +116,13 @@ def _coverage(
     shares = [np.ones(len(inner), np.float32)]
     # In the pixel and on the lens; each coordinate takes all of its strata.
     points = Sobol(4, scramble=False).random(EDGE_SAMPLES) + 0.5 / EDGE_SAMPLES
-    spread = [mi.Float(aligned(part)) for part in points.T]
+    stratified = [mi.Float(aligned(part)) for part in points.T]
     edges = np.flatnonzero(edge).astype(np.uint32)
     for first in range(0, len(edges), EDGES_AT_ONCE):
         some = edges[first : first + EDGES_AT_ONCE]
         lane = dr.arange(mi.UInt32, len(some) * EDGE_SAMPLES)
         pixel = dr.gather(mi.UInt32, mi.UInt32(aligned(some, np.uint32)), lane // EDGE_SAMPLES)
-        x, y, *lens = (dr.gather(mi.Float, part, lane % EDGE_SAMPLES) for part in spread)
+        x, y, *lens = (dr.gather(mi.Float, part, lane % EDGE_SAMPLES) for part in stratified)
         column, row = mi.Float(pixel % view.resolution[0]), mi.Float(pixel // view.resolution[0])
         rays = view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(*lens))
         found = prepared.surfaces.all.ray_intersect_preliminary(rays.ray, coherent=True, active=rays.inside)
@@ -151,7 +151,7 @@ def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Colo
     on_synthetic = inside & found.is_valid() & ~on_real
     hit = surfaces.real_hit(ray, found, on_real)
     si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
-    material = surfaces.materials.number(si, on_synthetic)
+    material = surfaces.materials.index(si, on_synthetic)
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, si.sh_frame.n, hit.normal & on_real)

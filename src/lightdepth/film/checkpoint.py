@@ -1,4 +1,4 @@
-"""Checkpoints: a rendering's state in a file, from which another process goes on."""
+"""Checkpoints: a rendering's state in a file, from which another process can continue."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def write_checkpoint(path: Path, rendering: Rendering) -> None:
 
 
 def resume(path: Path, rendering: Rendering) -> None:
-    """Let a rendering that has just begun go on from a checkpoint.
+    """Let a rendering that has just begun continue from a checkpoint.
 
     Raises:
         InputError: the file is missing, damaged, or of another picture.

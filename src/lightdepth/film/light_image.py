@@ -1,4 +1,4 @@
-"""What paths from the light bring to the pixels that are sampled."""
+"""Splats of light tracing on the pixels that are sampled."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from lightdepth.transport.light_tracing import Connection, LightTracer, Splats
 from lightdepth.transport.sampler import Sampler, begin_path
 
 SHARE = 0.5
-"""Paths from the light for each path from the camera;"""
+"""Light paths per camera path."""
 AT_ONCE = 1 << 19
-"""at most so many at once,"""
+"""Largest number of light paths in one block."""
 SEED = 0x6C696768
-"""with random numbers of their own."""
+"""Combined with the seed of the rendering, so that light paths have random numbers of their own."""
 NOWHERE = np.uint32(0xFFFFFFFF)
 
 
 class LightImage:
-    """Sums over light paths for a list of n pixels.
+    """Sums of splats for a list of n pixels.
 
     Args:
-        light_tracer: how they go.
+        light_tracer: traces the light paths.
         view: the camera.
         pixels: row-major indices, ascending, shape (n,), uint32.
         seed: of the random numbers.
-        share: follow the blocks of paths of this share only.
+        share: trace the blocks of light paths of this share only.
 
     Attributes:
         begun: light paths of all shares so far, the index of the next one.
-        blocks: in how many blocks these came.
-        count: light paths that were followed so far.
+        blocks: how many blocks these were.
+        count: light paths traced so far.
     """
 
     def __init__(
@@ -61,31 +61,31 @@ class LightImage:
         self._squares = np.zeros(len(pixels), np.float32)
 
     def paths_a_sample(self) -> mi.Float:
-        """How many light paths there are for each path from the camera through one pixel."""
+        """Light paths per camera path through one pixel."""
         return dr.opaque(mi.Float, SHARE * len(self._squares))
 
-    def follow(self, lights: LightList, paths: int) -> list[Splats]:
-        """Follow as many light paths as the next ``paths`` from the camera call for.
+    def trace(self, lights: LightList, paths: int) -> list[Splats]:
+        """Trace the light paths that belong to the next ``paths`` camera paths.
 
         Returns:
-            What is to be given to :meth:`add`; the device works on it while other things are prepared.
+            Splats for :meth:`add`; the device computes them while the next kernels are prepared.
         """
         seed, paths_a_sample = dr.opaque(mi.UInt32, self._seed), self.paths_a_sample()
-        brought = []
+        splats = []
         left = math.ceil(SHARE * paths)
         while left > 0:
             count = min(left, AT_ONCE)
             if self.blocks % self._share.count == self._share.index:
                 first = dr.opaque(mi.UInt32, self.begun)
                 sampler = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)
-                arrivals = self._light_tracer.trace(sampler, lights, self._connect, paths_a_sample)
-                dr.eval(arrivals)
-                brought.append(arrivals)
+                block = self._light_tracer.trace(sampler, lights, self._connect, paths_a_sample)
+                dr.eval(block)
+                splats.append(block)
                 self.count += count
             self.blocks += 1
             self.begun += count
             left -= count
-        return brought
+        return splats
 
     def sums(self) -> tuple[dict[str, NDArray[np.float32]], int]:
         """Copies of ``light_change``, ``light_synthetic``, shape (n, 3), and ``light_squares``, (n,); how many paths."""
@@ -93,13 +93,13 @@ class LightImage:
         return {name: values.copy() for name, values in named.items()}, self.count
 
     def restore(self, sums: Mapping[str, NDArray[np.float32]], count: int, begun: int, blocks: int) -> None:
-        """Put sums in place of what there is.
+        """Replace the sums.
 
         Args:
             sums: from :meth:`sums`.
-            count: of how many paths they are.
-            begun: paths of all shares so far.
-            blocks: in how many blocks.
+            count: light paths that they are of.
+            begun: light paths of all shares so far.
+            blocks: how many blocks these were.
         """
         self._change[:], self._synthetic[:] = sums["light_change"], sums["light_synthetic"]
         self._squares[:] = sums["light_squares"]
@@ -110,15 +110,15 @@ class LightImage:
         seen = self._view.project(point, mi.Point2f(sampler.next_1d(), sampler.next_1d()))
         return Connection(seen.origin, seen.film, seen.solid_angle, seen.weight, seen.inside)
 
-    def add(self, arrivals: Splats) -> None:
-        """Add what light paths bring."""
-        valid = arrivals.valid.numpy()
-        column = np.minimum((arrivals.film.x.numpy()[valid] * self._width).astype(np.int64), self._width - 1)
-        row = np.minimum((arrivals.film.y.numpy()[valid] * self._height).astype(np.int64), self._height - 1)
+    def add(self, splats: Splats) -> None:
+        """Add splats."""
+        valid = splats.valid.numpy()
+        column = np.minimum((splats.film.x.numpy()[valid] * self._width).astype(np.int64), self._width - 1)
+        row = np.minimum((splats.film.y.numpy()[valid] * self._height).astype(np.int64), self._height - 1)
         slot = row * self._width + column
         if self._slots is not None:
             slot = self._slots[slot]
-        values, on_object = arrivals.radiance.numpy().T[valid], arrivals.on_object.numpy()[valid]
+        values, on_object = splats.radiance.numpy().T[valid], splats.on_object.numpy()[valid]
         useful = (slot != NOWHERE) & np.isfinite(values).all(axis=1)
         # One after the other in the order of the paths, so that the same paths always give the same image.
         for sums, chosen in ((self._change, useful & ~on_object), (self._synthetic, useful & on_object)):
@@ -131,9 +131,9 @@ class LightImage:
 
         Of the squares only the mean over the channels is kept, to save memory; each channel's share is that of its mean.
         """
-        number = np.float32(max(self.count, 1))
-        change, synthetic = self._change[part] / number, self._synthetic[part] / number
+        count = np.float32(max(self.count, 1))
+        change, synthetic = self._change[part] / count, self._synthetic[part] / count
         squared = np.square(change + synthetic)
         mean = np.maximum(squared.mean(axis=1, keepdims=True), np.float32(1e-30))
-        variance = np.maximum(self._squares[part, None] / number - mean, 0.0) / number
+        variance = np.maximum(self._squares[part, None] / count - mean, 0.0) / count
         return change, synthetic, variance * (squared / mean)

@@ -97,14 +97,14 @@ def render_plate(
 
 
 def _blur(view: Viewpoint, place: Place, middle: CameraRays) -> mi.Float:
-    """Radius in pixels of the disk over which the lens spreads what rays through its middle meet."""
+    """Radius in pixels of the disk over which the lens blurs what rays through its middle meet."""
     hit = place.surfaces.first_real(middle.ray, middle.inside)
     depth = dr.dot(hit.point - middle.ray.o, mi.Vector3f(*view.rotation[:, 1].tolist()))
     return view.camera.blur(dr.select(hit.valid, depth, dr.inf))
 
 
 def _lens_points(view: Viewpoint, place: Place) -> int:
-    """Points of the lens for each pixel: about one for each pixel of the largest disk that a point is spread over."""
+    """Points of the lens for each pixel: about one for each pixel of the largest disk that a point is blurred to."""
     x, y = (mi.Float(aligned(grid)) for grid in np.meshgrid(np.linspace(0.05, 0.95, 16), np.linspace(0.05, 0.95, 16)))
     radius = _blur(view, place, view.rays(mi.Point2f(x, y), mi.Point2f(0.5)))
     needed = np.pi * float(np.max(radius.numpy())) ** 2

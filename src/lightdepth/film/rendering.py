@@ -54,34 +54,34 @@ from lightdepth.transport.sampler import Sampler, begin_path
 MOST_SHARE = 16
 """No pixel gets more than this many times the average number of samples."""
 NEIGHBOURS = 5
-"""Pixels across the square whose mean error decides how many samples the pixel in its middle gets,"""
+"""Pixels across the square whose mean error decides how many samples the pixel in its middle gets."""
 CONTRAST = 0.5
-"""and the power of a pixel's brightness that its error is relative to, as in Dammertz et al. 2010; with the brightness
-itself highlights would get too few."""
+"""The power of a pixel's brightness that this error is relative to, as in Dammertz et al. 2010; relative to the brightness
+itself, highlights would get too few samples."""
 DARK = 0.1
 """Errors count relative to a pixel's brightness plus this share of the median: nobody sees noise in the dark."""
 SECONDS_BETWEEN_ERRORS = 0.5
-"""The error is estimated for those who watch at most so often,"""
+"""Shortest time between two estimates of the error for progress reports."""
 ERROR_SHARE = 0.05
-"""and at most for this share of the time."""
+"""Largest share of the time that these estimates may take."""
 WORTH_SHARED = 0.05
-"""What all pixels have in common is estimated once the pixels' own errors are below this: it is far less."""
+"""Errors that all pixels share are estimated once the pixels' own errors are below this: they are far smaller."""
 SHARED_SEED = 0x73686172
-"""Its random numbers are its own."""
+"""Seed of that estimate's own random numbers."""
 LEAST_NOISE = 0.5
-"""Share of a wanted noise that is left at least to the pixels' own errors, whatever all have in common."""
+"""Smallest share of a wanted noise that is left to the pixels' own errors, however large the shared ones are."""
 LIGHTS = 1 << 14
-"""Light samples that paths choose among: as many as fit the processor's cache, since paths look at many far apart."""
+"""Length of the presampled light list: it fits the processor's cache, since RIS candidates lie far apart in it."""
 LIGHTS_SERVE = 1 << 21
-"""Camera paths after which new ones are drawn."""
-LEARNING_SHARE = 0.1
-"""Paths that learn what surfaces send, relative to those that estimate pixels;"""
+"""Camera paths after which a new list is drawn."""
+TRAINING_SHARE = 0.1
+"""Training paths of the radiance cache, relative to the paths that estimate pixels."""
 FIRST_SHARE, FIRST_PATHS = 0.25, 1 << 15
-"""at first so many, but no more than so many,"""
-LEARNING_PATHS = 16
-"""in lanes of so many,"""
-WORTH_LEARNING = 1 << 14
-"""and later no fewer than so many at once."""
+"""That share in the first pass, and the largest number of training paths then."""
+TRAINING_PATHS = 16
+"""Training paths per lane."""
+WORTH_TRAINING = 1 << 14
+"""Smallest number of training paths in a later pass."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,10 @@ class Progress:
 
 
 class Rendering:
-    """One camera's image in the making.
+    """The rendering of one camera's image.
 
-    It can be stopped after any pass and go on, be saved in between, and share its work with others: what it does depends
-    on its arguments, its targets and its samples so far, and on nothing else. Several in several threads take turns.
+    It can be stopped after any pass and continued, saved in between, and share its work with others: what it computes
+    depends on its arguments, its targets and its samples so far alone. Several in several threads take turns.
 
     Args:
         scene: what to render.
@@ -148,7 +148,7 @@ class Rendering:
         self._digests: tuple[str, str] | None = None
         self._trained = False
         self._list_use, self._cache_use, self._shared = ListUse(), CacheUse(), SharedErrors()
-        self._learning_due = 0.0
+        self._training_due = 0.0
         self._error, self._error_known, self._error_time = 0.0, False, -math.inf
 
     def run(self, samples: int, noise: float | None = None, region: Region | None = None) -> Iterator[Progress]:
@@ -213,7 +213,7 @@ class Rendering:
         Args:
             samples: as for :meth:`run`; the scene's own setting by default.
             noise: as for :meth:`run`; the scene's own setting by default.
-            progress: told after every pass; where it returns true, the image is that of the samples so far.
+            progress: called after every pass; where it returns true, the image is that of the samples so far.
             auxiliary: with object ids, depth, normals and albedo as well.
 
         Raises:
@@ -342,7 +342,7 @@ class Rendering:
             "lights_begun": None if self._lights is None else self._lights_begun,
             "lights_served": self._lights_served,
             "trained": self._trained,
-            "learning_due": self._learning_due,
+            "training_due": self._training_due,
             "list_use": self._list_use.values,
             "cache_use": self._cache_use.values,
             "shared": list(vars(self._shared).values()),
@@ -379,7 +379,7 @@ class Rendering:
             if self._cache is not None:
                 self._cache.restore({name: arrays[f"cache_{name}"] for name in self._cache.contents()})
         self._lights_served, self._trained = int(header["lights_served"]), bool(header["trained"])
-        self._learning_due, self._error_known = float(header["learning_due"]), False
+        self._training_due, self._error_known = float(header["training_due"]), False
         self._list_use.values = [int(value) for value in header["list_use"]]
         self._cache_use.values = [float(value) for value in header["cache_use"]]
         self._shared = SharedErrors(*header["shared"])
@@ -408,21 +408,21 @@ class Rendering:
         return facts
 
     def error(self) -> float:
-        """Estimated relative error of the sampled pixels, root mean square: their noise, and what all have in common."""
+        """Estimated relative error of the sampled pixels, root mean square: their noise and the shared errors."""
         if len(self.pixels) and not self._error_known:
             own = float(np.mean(np.square(self._own_errors())))
-            irradiance, rest = self._common_variance()
+            irradiance, rest = self._shared_variance()
             self._error = math.sqrt(own + float(np.mean(irradiance)) + rest)
             self._error_known = True
         return self._error
 
     def _own_errors(self) -> NDArray[np.float32]:
-        """Relative errors of the pixels that come of their own samples, shape (n,)."""
+        """Relative errors of the pixels from the noise of their own samples, shape (n,)."""
         with DEVICE_LOCK:
             return self._accumulator.relative_errors(self._dark)
 
-    def _common_variance(self) -> tuple[NDArray[np.float32] | float, float]:
-        """Relative variance of what all pixels have in common: of the irradiance, shape (n,), and of the rest."""
+    def _shared_variance(self) -> tuple[NDArray[np.float32] | float, float]:
+        """Relative variance of the shared errors: of the irradiance, shape (n,), and of the rest."""
         irradiance = self._prepared.irradiance.mean_error * MEAN_TO_STANDARD
         rest = self._list_error() ** 2 + self._shared.cache**2
         if not math.isfinite(irradiance) or irradiance == 0.0:
@@ -436,9 +436,9 @@ class Rendering:
         return self._shared.light_list * math.sqrt(self._list_use.share(len(self.pixels)))
 
     def _estimate_shared(self) -> None:
-        """Estimate what is to be known of the light list and the cache, once that is not lost in the noise.
+        """Estimate the errors of the light list and of the radiance cache, once they are not lost in the noise.
 
-        Only between rounds, so that what a wanted noise takes does not depend on who watches.
+        Only between rounds, so that the samples that a wanted noise takes do not depend on progress reports.
         """
         spent, integrator = self._spent(), self._prepared.integrator
         if not isinstance(integrator, DifferenceIntegrator) or spent < 4 * self._shared.spent or not len(self.pixels):
@@ -470,7 +470,7 @@ class Rendering:
         self._error_known = False
 
     def _cache_error(self, brightness: NDArray[np.float32], generator: np.random.Generator) -> float:
-        """Relative error that the radiance cache gives pixels: how they change when it is as wrong as it may be."""
+        """Relative error that the radiance cache gives pixels: how much they change with a perturbed cache."""
         if self._cache is None or self._lights is None:
             return 0.0
         slots = np.sort(generator.choice(len(self.pixels), min(CACHE_PROBES, len(self.pixels)), replace=False))
@@ -494,7 +494,7 @@ class Rendering:
         return seen.ray, seen.inside
 
     def _watched_error(self) -> float:
-        """The same for those who watch, estimated anew so rarely that it costs little time."""
+        """The same for progress reports, estimated again so rarely that it takes little time."""
         started = time.monotonic()
         if started >= self._error_time:
             self.error()
@@ -503,7 +503,7 @@ class Rendering:
         return self._error
 
     def _pilot_round(self, target: Target) -> Round:
-        """What a target begins with: no pixel has fewer samples than the pilot takes."""
+        """The first round for a target: afterwards no pixel has fewer samples than the pilot takes."""
         taken = self._accumulator.taken.astype(np.int64)
         wanted = self._inside(np.maximum(pilot_samples(target.samples) - taken, 0), target).astype(np.int32)
         inside = self._inside(np.ones(taken.size, np.int64), target)
@@ -551,10 +551,10 @@ class Rendering:
     def _until(self, target: Target, noise: float) -> tuple[NDArray[np.float32], int]:
         """How many more samples each pixel gets for a wanted noise, and how many all will have as far as is known."""
         taken = self._accumulator.taken
-        # The error falls with the square root of the number of samples. A pixel is not done that stands out.
+        # The error falls with the square root of the number of samples. A pixel that stands out is not done.
         errors = self._accumulator.relative_errors(self._dark)
-        irradiance, rest = self._common_variance()
-        # More samples of a pixel do not lessen what all have in common: beyond some point there is no use in them.
+        irradiance, rest = self._shared_variance()
+        # More samples of a pixel do not reduce the shared errors: beyond some point they are of no use.
         left = np.maximum(noise**2 - rest - irradiance, LEAST_NOISE**2 * noise**2)
         more: NDArray[np.float32] = np.square(np.maximum(errors, self._around(errors)))
         more /= np.asarray(left, np.float32)
@@ -577,8 +577,8 @@ class Rendering:
     def _around(self, error: NDArray[np.float32]) -> NDArray[np.float32]:
         """Mean of the neighbours' errors.
 
-        A single pixel's estimate from few samples misleads; and did it decide how many more the same pixel gets, what its
-        first samples found by luck would count for more or less than its share.
+        A single pixel's estimate from few samples is unreliable; and if it decided how many more samples the same pixel
+        gets, the result would be biased.
         """
         import cv2
 
@@ -594,7 +594,7 @@ class Rendering:
         return around if around.size == error.size else around[self.pixels]
 
     def _scattered(self, values: NDArray) -> NDArray:
-        """Values of the sampled pixels in their places of the image, 0 elsewhere; themselves, where that is all."""
+        """Values of the sampled pixels at their positions in the image, 0 elsewhere; themselves, where that is all."""
         if len(values) == self._height * self._width:
             return values.reshape(self._height, self._width, *values.shape[1:])
         image = np.zeros((self._height * self._width, *values.shape[1:]), values.dtype)
@@ -610,9 +610,9 @@ class Rendering:
             paths = int(counts.sum(dtype=np.int64))
             lights = self._light_list(paths)
             self._list_use.add(paths, len(slots))
-            # While the device is at one of these, the next is prepared, which takes about as long where samples are few.
-            arrivals = [] if self._light is None else self._light.follow(lights, paths)
-            self._learn(lights, paths)
+            # While the device computes one of these, the next is prepared, which takes as long where samples are few.
+            splats = [] if self._light is None else self._light.trace(lights, paths)
+            self._train(lights, paths)
             if self._cache is not None:
                 self._cache_use.add(paths, self._cache.records)
             if not everywhere:
@@ -621,15 +621,15 @@ class Rendering:
             if len(slots):
                 sums = self._follow(lights, self.pixels[slots], self._accumulator.taken[slots], counts, self._cache)
             if self._light is not None:
-                for each in arrivals:
-                    self._light.add(each)
+                for block in splats:
+                    self._light.add(block)
             if len(slots):
                 self._accumulator.add(slots, sums, counts)
             self._error_known = False
-            dr.sync_thread()  # Else passes would only be queued: progress would run ahead, and Ctrl-C come late.
+            dr.sync_thread()  # Otherwise passes would only be queued: progress would run ahead, and Ctrl-C would be late.
 
     def _light_list(self, paths: int) -> LightList:
-        """The light samples for the next ``paths`` camera paths: new ones once the last have served enough."""
+        """The light list for the next ``paths`` camera paths: a new one once the last has served enough."""
         if self._lights is None or self._lights_served <= 0:
             self._lights_begun = self._generator.bit_generator.state
             self._lights = self._prepared.place.presample_lights(self._generator, LIGHTS)
@@ -638,22 +638,22 @@ class Rendering:
         self._lights_served -= paths
         return self._lights
 
-    def _learn(self, lights: LightList, paths: int) -> None:
-        """Let as many paths learn as the next ``paths`` that estimate pixels call for."""
+    def _train(self, lights: LightList, paths: int) -> None:
+        """Follow the training paths that belong to the next ``paths`` that estimate pixels."""
         if self._cache is None:
             return
-        self._learning_due += LEARNING_SHARE * paths
+        self._training_due += TRAINING_SHARE * paths
         if not self._trained:
-            self._learning_due = max(self._learning_due, min(FIRST_SHARE * paths, FIRST_PATHS))
+            self._training_due = max(self._training_due, min(FIRST_SHARE * paths, FIRST_PATHS))
             self._trained = True
-        elif self._learning_due < WORTH_LEARNING:
+        elif self._training_due < WORTH_TRAINING:
             return
-        lanes = math.ceil(self._learning_due / LEARNING_PATHS)
-        self._learning_due = 0.0
+        lanes = math.ceil(self._training_due / TRAINING_PATHS)
+        self._training_due = 0.0
         pixels = self._generator.choice(self.pixels, lanes)
-        with self._cache.learn(lanes * LEARNING_PATHS):
+        with self._cache.train(lanes * TRAINING_PATHS):
             first = self._generator.integers(1 << 32, size=lanes)
-            self._follow(lights, pixels, first, np.full(lanes, LEARNING_PATHS), self._cache)
+            self._follow(lights, pixels, first, np.full(lanes, TRAINING_PATHS), self._cache)
 
     def _follow(
         self,
@@ -663,13 +663,13 @@ class Rendering:
         counts: NDArray[np.integer],
         cache: RadianceCache | None,
     ) -> CameraSums:
-        """Follow ``counts`` paths for each pixel, from its sample number ``first`` on."""
+        """Follow ``counts`` paths for each pixel, from its sample index ``first`` on."""
         pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in (pixels, first, counts))
         seed = dr.opaque(mi.UInt32, self._seed)
         paths_a_sample = mi.Float(0.0) if self._light is None else self._light.paths_a_sample()
 
-        def camera_rays(number: mi.UInt32) -> tuple[Sampler, mi.Ray3f, mi.Bool, mi.Float]:
-            sampler = begin_path(pixel, offset + number, seed)
+        def camera_rays(index: mi.UInt32) -> tuple[Sampler, mi.Ray3f, mi.Bool, mi.Float]:
+            sampler = begin_path(pixel, offset + index, seed)
             x, y = sampler.stratified("film")
             column, row = mi.Float(pixel % self._width), mi.Float(pixel // self._width)
             seen = self._view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(sampler.stratified("lens")))

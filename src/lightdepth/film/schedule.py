@@ -14,7 +14,7 @@ from lightdepth.errors import InputError
 PATHS = 1 << 21
 """Paths of one pass; more gain no speed."""
 AT_ONCE = 256
-"""Samples that a pixel gets at most before all others have got theirs."""
+"""Samples that a pixel gets at most before all others have theirs."""
 PACKET = 16
 """Lanes that run side by side, at most."""
 PACKET_DISTANCE = 64
@@ -29,7 +29,7 @@ Region = tuple[int, int, int, int]
 
 @dataclass(frozen=True)
 class Target:
-    """What a rendering works toward; the attributes are the arguments of :meth:`Rendering.run`.
+    """What a rendering is to reach; the attributes are the arguments of :meth:`Rendering.run`.
 
     Raises:
         InputError: one is out of range.
@@ -70,15 +70,15 @@ class Round:
 
 
 def pilot_samples(samples: int) -> int:
-    """Samples that every pixel gets of ``samples`` a pixel; few ones are not worth dividing."""
+    """Pilot samples of every pixel out of ``samples`` per pixel; few are not worth distributing."""
     return min(samples, max(QUANTUM, min(PILOT_SAMPLES, samples // 2)))
 
 
 def passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int32]]]:
-    """Cut the samples wanted for each pixel into passes of bounded size: (places in the list, samples for each).
+    """Cut the samples wanted for each pixel into passes of bounded size: (indices into the list, samples for each).
 
     Lanes of a packet wait for each other, and so do processor cores: pixels that want equally many form packets, and
-    packets that want many are spread among the others.
+    packets that want many are distributed among the others.
     """
     for begun in range(0, int(wanted.max(initial=0)), AT_ONCE):
         for first in range(0, len(wanted), PATHS):

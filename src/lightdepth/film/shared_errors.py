@@ -1,7 +1,7 @@
 """Errors that all pixels share, and that their own variance cannot show.
 
-All paths of a time choose among one list of light samples, and end in one radiance cache; the irradiance of the support is
-recovered once for all. See docs/theory.md, section 7.
+All paths of a pass take their RIS candidates from one light list, and end in one radiance cache; the irradiance of the
+support is recovered once for all. See docs/theory.md, section 7.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LISTS = 8
 PROBES = 8, 64
 """Pixels in which that is done, at least and at most."""
 PATHS_PER_SAMPLE = 5
-"""Paths of the rendering for each light sample that is looked at, to keep the estimate to some percent of the time."""
+"""Paths of the rendering per light sample of the estimate, which keeps it to a few percent of the time."""
 CACHE_PROBES, CACHE_SAMPLES = 512, 32
 """Pixels in which two caches are compared, and paths in each."""
 MEAN_TO_STANDARD = math.sqrt(math.pi / 2.0)
@@ -112,14 +112,14 @@ def light_list_error(
     """Relative standard error that one light list gives the pixels' direct light, root mean square.
 
     Several lists are drawn, and with each the direct light is summed over the whole list: what is left between the sums is
-    the lists' own error, without the noise of paths. Light of further bounces is not looked at.
+    the lists' own error, without the noise of paths. Light of further bounces is left out.
 
     Args:
         integrator: whose light sampling it is.
         place: the photographed place.
         ray: camera rays through the middle of pixels.
         pixels: row-major indices, shape (p,).
-        brightness: what errors count relative to, shape (p,).
+        brightness: that errors are relative to, shape (p,).
         weights: how much each pixel counts, 1 on average over the picture, shape (p,).
         lights: light samples of a list.
         generator: source of randomness.

@@ -66,7 +66,7 @@ class Share:
         return f"{self.index + 1}/{self.count}"
 
     def owns(self, slots: NDArray[np.integer]) -> NDArray[np.bool_]:
-        """Which places in the list of pixels belong to this part, shape as ``slots``."""
+        """Which indices into the list of pixels belong to this share, shape as ``slots``."""
         if self.count == 1:
             return np.ones(slots.shape, bool)
         return (slots // self.PACKET) % self.count == self.index
@@ -124,7 +124,7 @@ class PixelSums:
         synthetic: sums of the radiance of new objects, shape (n, 3), float32.
         squares: sums of the squares of ``change + synthetic``, shape (n, 3), float32.
         covered: samples that met a new object, shape (n,), float32.
-        light_change: what paths from the light brought to support surfaces, shape (n, 3), float32.
+        light_change: sums of splats on support surfaces, shape (n, 3), float32.
         light_synthetic: likewise to new objects, shape (n, 3), float32.
         light_squares: squares of each of that, mean of the channels, shape (n,), float32.
         light_count: paths from the light; each of the three divided by it is a mean.
@@ -256,10 +256,10 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
     total["pixels"] = pixels
     # In the order of the shares, so that the result does not depend on that of the files.
     for part in sorted(parts, key=lambda part: part.shares):
-        place = np.searchsorted(pixels, part.pixels)
+        index = np.searchsorted(pixels, part.pixels)
         for name in ARRAYS:
             if name != "pixels":
-                total[name][place] += getattr(part, name)
+                total[name][index] += getattr(part, name)
     light_count = sum(part.light_count for part in parts)
     return PixelSums(
         parts[0].origin,

@@ -20,7 +20,7 @@ PICTURE_NAMES = (
 )
 """What the finished picture's part or layer is called, the most telling first."""
 TELLING_WORDS = PICTURE_NAMES[:4]
-"""Those that tell it also as a word of a longer name such as ``ViewLayer.Combined``."""
+"""Those that mark it also as a word of a longer name such as ``ViewLayer.Combined``."""
 
 _SYNONYMS = {"r": "R", "red": "R", "g": "G", "green": "G", "b": "B", "blue": "B", "a": "A", "alpha": "A"}
 _SYNONYMS |= {"y": "Y", "ry": "RY", "by": "BY"}

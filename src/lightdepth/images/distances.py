@@ -43,7 +43,7 @@ def read_distances(path: Path, channel: str | None = None) -> tuple[FloatArray, 
 
     Returns:
         ``(distances, whole)``: shape (height, 2 height), inf for sky, NaN where a PNG says that nothing was measured; and
-        whether the file holds whole numbers, whose unit it cannot tell.
+        whether the file holds whole numbers, whose unit it does not state.
 
     Raises:
         InputError: the file is missing, unreadable, of another format or shape, or it is not clear what is meant.

@@ -52,10 +52,10 @@ def fill(radiance: NDArray[np.float32], covered: NDArray[np.bool_]) -> NDArray[n
 def _harmonic(values: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Solve Laplace's equation on the sphere for the unknown cells of a latitude-longitude grid."""
     height, width = known.shape
-    number = np.full(known.shape, -1)
-    number[~known] = np.arange((~known).sum())
+    index = np.full(known.shape, -1)
+    index[~known] = np.arange((~known).sum())
     rows, columns = np.nonzero(~known)
-    cell = number[rows, columns]
+    cell = index[rows, columns]
     theta = np.pi * (rows + 0.5) / height
     step_v, step_u = np.pi / height, 2.0 * np.pi / width
     count = cell.size
@@ -77,7 +77,7 @@ def _harmonic(values: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[
         diagonal += flow
         fixed = known[row, column]
         right[fixed] += flow[fixed, None] * values[row[fixed], column[fixed]]
-        entries.append((cell[~fixed], number[row[~fixed], column[~fixed]], -flow[~fixed]))
+        entries.append((cell[~fixed], index[row[~fixed], column[~fixed]], -flow[~fixed]))
     entries.append((cell, cell, diagonal))
     index_i, index_j, data = (np.concatenate(parts) for parts in zip(*entries, strict=True))
     matrix = coo_matrix((data, (index_i, index_j)), shape=(count, count)).tocsc()

@@ -60,14 +60,14 @@ def read_photo_sphere(xmp: bytes, width: int, height: int, what: str) -> PhotoSp
         raise InputError(
             f"{what}: its metadata (GPano) says that its projection is '{projection}'; 'equirectangular' is needed"
         )
-    number = _numbers(found, what)
+    values = _numbers(found, what)
     # Cropped images are often saved smaller or larger than the metadata was written for.
-    shown = (number.get("CroppedAreaImageWidthPixels", width), number.get("CroppedAreaImageHeightPixels", height))
+    shown = (values.get("CroppedAreaImageWidthPixels", width), values.get("CroppedAreaImageHeightPixels", height))
     factors = (width / max(shown[0], 1.0), height / max(shown[1], 1.0))
-    full_width = round(number.get("FullPanoWidthPixels", shown[0]) * factors[0])
-    full_height = round(number.get("FullPanoHeightPixels", shown[1]) * factors[1])
-    left = round(number.get("CroppedAreaLeftPixels", 0.0) * factors[0])
-    top = round(number.get("CroppedAreaTopPixels", 0.0) * factors[1])
+    full_width = round(values.get("FullPanoWidthPixels", shown[0]) * factors[0])
+    full_height = round(values.get("FullPanoHeightPixels", shown[1]) * factors[1])
+    left = round(values.get("CroppedAreaLeftPixels", 0.0) * factors[0])
+    top = round(values.get("CroppedAreaTopPixels", 0.0) * factors[1])
     if abs(full_width - 2 * full_height) <= 2:  # Rounded by the camera.
         full_height = -(-full_width // 2)
         full_width = 2 * full_height
@@ -77,7 +77,7 @@ def read_photo_sphere(xmp: bytes, width: int, height: int, what: str) -> PhotoSp
             f"{what}: its metadata (GPano) places {width} x {height} pixels at column {left}, row {top} of a sphere of "
             f"{full_width} x {full_height}; the sphere must be twice as wide as high and hold the image"
         )
-    return PhotoSphere(full_width, full_height, left, top, _rotation(number, what))
+    return PhotoSphere(full_width, full_height, left, top, _rotation(values, what))
 
 
 def _numbers(found: dict[str, str], what: str) -> dict[str, float]:
@@ -94,12 +94,12 @@ def _numbers(found: dict[str, str], what: str) -> dict[str, float]:
     return numbers
 
 
-def _rotation(number: dict[str, float], what: str) -> NDArray[np.float64] | None:
+def _rotation(values: dict[str, float], what: str) -> NDArray[np.float64] | None:
     """Heading, pitch and roll of the picture's centre; a roll turns the horizon counter-clockwise in the picture."""
     names = ("PoseHeadingDegrees", "PosePitchDegrees", "PoseRollDegrees")
-    if not any(name in number for name in names):
+    if not any(name in values for name in names):
         return None
-    heading, pitch, roll = (number.get(name, 0.0) for name in names)
+    heading, pitch, roll = (values.get(name, 0.0) for name in names)
     rotation = (
         euler_rotation([0.0, 0.0, -heading]) @ euler_rotation([pitch, 0.0, 0.0]) @ euler_rotation([0.0, roll, 0.0])
     )

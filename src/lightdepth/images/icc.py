@@ -57,8 +57,8 @@ def _profile(data: bytes) -> ColourProfile:
         raise ValueError(f"a colour profile of the space '{space}' is not read")
     (count,) = struct.unpack_from(">I", data, 128)
     tags: dict[str, bytes] = {}
-    for number in range(min(count, 1000)):
-        name, offset, size = struct.unpack_from(">4sII", data, 132 + 12 * number)
+    for entry in range(min(count, 1000)):
+        name, offset, size = struct.unpack_from(">4sII", data, 132 + 12 * entry)
         tags[name.decode("latin-1")] = data[offset : offset + size]
     if space == "GRAY" and "kTRC" in tags:
         return ColourProfile(np.broadcast_to(_curve(tags["kTRC"]), (3, 4096)), np.eye(3))

@@ -1,7 +1,7 @@
 """NumPy's arrays for Dr.Jit, which takes their memory as it is where it can.
 
 Kernels are compiled for the alignment of what they read. NumPy's memory begins wherever the allocator happens to put it,
-so that the same rendering would be compiled anew in every other process; from here it begins where Dr.Jit's own does.
+so that the same rendering would be compiled again in every other process; from here it begins where Dr.Jit's own does.
 """
 
 from __future__ import annotations

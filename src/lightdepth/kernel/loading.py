@@ -14,7 +14,7 @@ def load(description: dict[str, Any]) -> Any:
     """``mi.load_dict``, one object after the other.
 
     In parallel, Mitsuba's default, objects are numbered in the order in which threads happen to finish. The numbers go
-    into the kernels, which then are compiled anew in the next process instead of being found in Dr.Jit's cache.
+    into the kernels, which then are compiled again in the next process instead of being found in Dr.Jit's cache.
 
     Args:
         description: Mitsuba's description of a scene, shape, material, texture or emitter.

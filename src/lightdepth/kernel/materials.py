@@ -16,7 +16,7 @@ from lightdepth.kernel.loading import load
 
 
 class Materials:
-    """The BSDFs that shapes wear, by their number. Every method takes which lanes are ``active``; others get zeros.
+    """The BSDFs of the shapes, by their index. Every method takes which lanes are ``active``; others get zeros.
 
     Args:
         shapes: the synthetic shapes.
@@ -39,17 +39,17 @@ class Materials:
         dr.make_opaque(self._of_shape, self._flags)
         self.have_holes = any(mi.has_flag(bsdf.flags(), mi.BSDFFlags.Null) for bsdf in self._bsdfs)
 
-    def number(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.UInt32:
-        """Which BSDF each point wears."""
+    def index(self, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.UInt32:
+        """Index of the BSDF at each point."""
         return dr.gather(mi.UInt32, self._of_shape, dr.reinterpret_array(mi.UInt32, si.shape), active)
 
-    def flags(self, number: mi.UInt32, active: mi.Bool) -> mi.UInt32:
+    def flags(self, index: mi.UInt32, active: mi.Bool) -> mi.UInt32:
         """Mitsuba's ``BSDFFlags``."""
-        return dr.gather(mi.UInt32, self._flags, number, active)
+        return dr.gather(mi.UInt32, self._flags, index, active)
 
     def sample(
         self,
-        number: mi.UInt32,
+        index: mi.UInt32,
         context: mi.BSDFContext,
         si: mi.SurfaceInteraction3f,
         choice: mi.Float,
@@ -57,28 +57,28 @@ class Materials:
         active: mi.Bool,
     ) -> tuple[mi.BSDFSample3f, mi.Color3f]:
         """As ``BSDF.sample``."""
-        return dr.switch(number, [bsdf.sample for bsdf in self._bsdfs], context, si, choice, position, active)
+        return dr.switch(index, [bsdf.sample for bsdf in self._bsdfs], context, si, choice, position, active)
 
     def eval_pdf(
         self,
-        number: mi.UInt32,
+        index: mi.UInt32,
         context: mi.BSDFContext,
         si: mi.SurfaceInteraction3f,
         outgoing: mi.Vector3f,
         active: mi.Bool,
     ) -> tuple[mi.Color3f, mi.Float]:
         """As ``BSDF.eval_pdf``."""
-        return dr.switch(number, [bsdf.eval_pdf for bsdf in self._bsdfs], context, si, outgoing, active)
+        return dr.switch(index, [bsdf.eval_pdf for bsdf in self._bsdfs], context, si, outgoing, active)
 
-    def null_transmission(self, number: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+    def null_transmission(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
         """As ``BSDF.eval_null_transmission``."""
-        return dr.switch(number, [bsdf.eval_null_transmission for bsdf in self._bsdfs], si, active)
+        return dr.switch(index, [bsdf.eval_null_transmission for bsdf in self._bsdfs], si, active)
 
-    def diffuse_reflectance(self, number: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
+    def diffuse_reflectance(self, index: mi.UInt32, si: mi.SurfaceInteraction3f, active: mi.Bool) -> mi.Color3f:
         """As ``BSDF.eval_diffuse_reflectance``."""
-        return dr.switch(number, [bsdf.eval_diffuse_reflectance for bsdf in self._bsdfs], si, active)
+        return dr.switch(index, [bsdf.eval_diffuse_reflectance for bsdf in self._bsdfs], si, active)
 
 
 def registered(pointer: mi.BSDFPtr | mi.ShapePtr) -> int:
-    """The number that Dr.Jit keeps an object under, from a pointer array of length 1."""
+    """The index under which Dr.Jit registers an object, from a pointer array of length 1."""
     return int(dr.reinterpret_array(mi.UInt32, pointer)[0])

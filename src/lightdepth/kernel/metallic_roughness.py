@@ -57,10 +57,10 @@ class _Lobe:
 @cache
 def _albedo_table() -> mi.Texture2f:
     """A and B over the square root of the viewer's cosine (x) and the roughness (y), by quasi Monte Carlo."""
-    ticks, number = np.linspace(0.0, 1.0, _TABLE_SIZE), np.arange(_TABLE_SAMPLES)
+    ticks, index = np.linspace(0.0, 1.0, _TABLE_SIZE), np.arange(_TABLE_SAMPLES)
     roughness, root = (mi.Float(aligned(grid)) for grid in np.meshgrid(ticks, ticks, indexing="ij"))
-    x = mi.Float(aligned((number + 0.5) / _TABLE_SAMPLES))
-    y = mi.Float(aligned((number + 0.5) * 0.6180339887498949 % 1.0))
+    x = mi.Float(aligned((index + 0.5) / _TABLE_SAMPLES))
+    y = mi.Float(aligned((index + 0.5) * 0.6180339887498949 % 1.0))
     lane = dr.arange(mi.UInt32, _TABLE_SIZE**2 * _TABLE_SAMPLES)
     entry, sample = lane // _TABLE_SAMPLES, lane % _TABLE_SAMPLES
     roughness, root = dr.gather(mi.Float, roughness, entry), dr.gather(mi.Float, root, entry)

@@ -72,21 +72,21 @@ class RayCaster:
         count = len(directions)
         origins = np.broadcast_to(origins, (count, 3))
         distance = np.full(count, np.inf, np.float32)
-        number = np.full(count, -1, np.int32)
+        primitive = np.full(count, -1, np.int32)
         if self._scene is not None:
             for first in range(0, count, RAYS_AT_ONCE):
                 part = slice(first, first + RAYS_AT_ONCE)
-                distance[part], number[part] = _cast(self._scene, origins[part], directions[part])
-        hit = number >= 0
+                distance[part], primitive[part] = _cast(self._scene, origins[part], directions[part])
+        hit = primitive >= 0
         mesh, face, normal = (
             np.full(count, -1, np.int32),
             np.full(count, -1, np.int32),
             np.zeros((count, 3), np.float32),
         )
-        mesh[hit] = np.searchsorted(self._face_offsets, number[hit], side="right") - 1
-        face[hit] = number[hit] - self._face_offsets[mesh[hit]]
+        mesh[hit] = np.searchsorted(self._face_offsets, primitive[hit], side="right") - 1
+        face[hit] = primitive[hit] - self._face_offsets[mesh[hit]]
         if hit.any():
-            normal[hit] = self._normals[number[hit]]
+            normal[hit] = self._normals[primitive[hit]]
         return Hits(distance, mesh, face, normal)
 
 

@@ -51,7 +51,7 @@ def find_libllvm() -> Path:
 
 
 def _version_in_name(library: Path) -> int:
-    """Major version that a library's file name tells, 0 where it tells none."""
+    """Major version in a library's file name, 0 where there is none."""
     match = re.search(r"libLLVM[-.](?:so\.)?(\d+)", library.name)
     return int(match.group(1)) if match else 0
 

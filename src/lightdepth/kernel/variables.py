@@ -1,4 +1,4 @@
-"""Values that may change from rendering to rendering without compiling a kernel anew."""
+"""Values that may change from rendering to rendering without compiling a kernel again."""
 
 from __future__ import annotations
 

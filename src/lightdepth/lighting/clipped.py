@@ -17,7 +17,7 @@ from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.falloff import fit_gain
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.patches import Clicks
-from lightdepth.lighting.sun_edges import align, foretold_edges, measured
+from lightdepth.lighting.sun_edges import align, measured, predicted_edges
 from lightdepth.lighting.sun_irradiance import FEWEST_PAIRS, SAMPLES, combine, compare_sides
 from lightdepth.lighting.sun_search import SunSearch
 from lightdepth.lighting.sunlight import Sunlight
@@ -25,17 +25,17 @@ from lightdepth.scene.lights.clipped import ClippedSource, covered, unclipped
 from lightdepth.scene.model import Panorama, Scene
 
 SMALL = 2.0
-"""Degrees of spread up to which a plateau tells by itself where the sun is."""
+"""Angular radius in degrees up to which a plateau alone gives the direction of the sun."""
 REACH = 6.0
 DARKEST, WHITEST = 0.02, 0.95
-"""Albedos that the typical surface has at least, and every one at most: the bounds where nothing else tells more."""
+"""Albedos that the typical surface has at least, and every one at most: the bounds where nothing else narrows them."""
 NOT_CLIPPED = 0.1
 """Share of the source's light, up to which what is missing may be the recovery's own error."""
 ROUNDS = 3
 """In which several sources are recovered, each with what the last round found of the others."""
 POINTS = 1500
 LIT = 0.3
-"""Share of the strongest irradiance from the source from which on a place tells of its bounds."""
+"""Share of the strongest irradiance from the source from which on a point contributes to its bounds."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class RecoveredSource:
 
     Attributes:
         plateau: what the panorama shows of it.
-        source: with its radiance; ``None`` where nothing tells it, or nothing was lost.
+        source: with its radiance; ``None`` where nothing determines it, or nothing was lost.
         method: ``shadow edges``, ``clicked pairs``, ``known albedo``, ``falloff``, ``none``, or ``not clipped`` where
             it lights things no more than the panorama says.
         irradiance: of the source on a surface at the capture point that faces it, linear RGB, shape (3,); the map's own
@@ -104,17 +104,17 @@ def recover_clipped(
     clicked = [_read_pair(text, size, view) for text in pairs]
     known = [_read_grey(text, size, view) for text in grey]
     if (clicked or known) and len(plateaus) > 1:
-        plateaus = plateaus[:1]  # Clicks tell of the strongest one.
+        plateaus = plateaus[:1]  # Clicks are about the strongest one.
     results: dict[int, RecoveredSource] = {}
     for _ in range(ROUNDS if len(plateaus) > 1 else 1):
-        for number, plateau in enumerate(plateaus):
+        for index, plateau in enumerate(plateaus):
             # The light of the others as far as it is known by now.
             light = scene.panorama.radiance
             for other, result in results.items():
-                if other != number and result.source is not None:
+                if other != index and result.source is not None:
                     light = unclipped(light, result.source)
             lit = replace(scene, panorama=replace(scene.panorama, radiance=light))
-            results[number] = _recovered(lit, view, plateau, clicked, known, diameter)
+            results[index] = _recovered(lit, view, plateau, clicked, known, diameter)
     return list(results.values())
 
 
@@ -129,8 +129,8 @@ def _recovered(
     explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
     sunlight = Sunlight(scene) if plateau.sky else None
     direction = plateau.direction
-    sun = plateau.sky and plateau.spread > 0.5 * diameter
-    if sunlight is not None and plateau.spread > max(SMALL, 0.75 * diameter):
+    sun = plateau.sky and plateau.angular_radius > 0.5 * diameter
+    if sunlight is not None and plateau.angular_radius > max(SMALL, 0.75 * diameter):
         found = _sun_within(scene, view, sunlight, explained, plateau)
         direction, sun = (plateau.direction, False) if found is None else (found, True)
     place = _source_at(scene, plateau, direction, diameter if sun else None)
@@ -145,7 +145,7 @@ def _recovered(
     elif pairs:
         extra, error, method = (*_from_pairs(view, explained, pairs, direction), "clicked pairs")
     elif sunlight is not None:
-        edges = measured(view, foretold_edges(view, sunlight, direction), REACH)
+        edges = measured(view, predicted_edges(view, sunlight, direction), REACH)
         edges = edges.where(np.isfinite(edges.offset))
         compared = compare_sides(view, sunlight, explained, edges, direction, max(diameter, 0.01))
         if len(compared.irradiance) >= FEWEST_PAIRS:
@@ -243,8 +243,8 @@ def _median(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     value = np.median(values, axis=0)
     if len(values) < 3:
         return value, 0.1 * np.abs(value)
-    spread = 1.4826 * np.median(np.abs(values - value), axis=0)
-    return value, 1.2533 * spread / np.sqrt(len(values))
+    deviation = 1.4826 * np.median(np.abs(values - value), axis=0)
+    return value, 1.2533 * deviation / np.sqrt(len(values))
 
 
 def _around(view: PanoramaView, places: FloatArray) -> FloatArray:

@@ -27,7 +27,7 @@ class Plateau:
         pixels: shape (height, 2 height), bool.
         pixel: x, y of a place in it, in pixels.
         direction: toward its middle, from the capture point, unit, world, shape (3,).
-        spread: angle between its middle and its farthest pixel, degrees.
+        angular_radius: angle between its middle and its farthest pixel, degrees.
         solid_angle: steradian.
         sky: whether it lies on no real surface.
     """
@@ -35,7 +35,7 @@ class Plateau:
     pixels: NDArray[np.bool_]
     pixel: tuple[float, float]
     direction: FloatArray
-    spread: float
+    angular_radius: float
     solid_angle: float
     sky: bool
 
@@ -61,13 +61,13 @@ def find_plateaus(scene: Scene, distance: NDArray[np.float32]) -> list[Plateau]:
         middle /= max(float(np.linalg.norm(middle)), 1e-12)
         y, x = np.nonzero(pixels)
         nearest = int(np.argmax(directions[y, x] @ middle))
-        spread = float(np.degrees(np.arccos(np.clip((directions[y, x] @ middle).min(), -1.0, 1.0))))
+        angular_radius = float(np.degrees(np.arccos(np.clip((directions[y, x] @ middle).min(), -1.0, 1.0))))
         found.append(
             Plateau(
                 pixels,
                 (float(x[nearest]) + 0.5, float(y[nearest]) + 0.5),
                 scene.panorama.rotation @ middle,
-                spread,
+                angular_radius,
                 float(angles[pixels].sum()),
                 bool(np.mean(np.isinf(distance[pixels])) > 0.5),
             )
@@ -90,4 +90,4 @@ def _components(mask: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)
     sizes[0] = 0
     largest = [int(n) for n in np.argsort(-sizes)[: 4 * MOST] if sizes[n] > 0]
-    return [numbers == number for number in largest]
+    return [numbers == index for index in largest]

@@ -30,8 +30,8 @@ def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[Float
         share: of each pixel of the panorama that belongs to the source, shape (height, 2 height).
 
     Returns:
-        The gain of each channel, shape (3,), or ``None`` where the photograph does not tell it; and its relative standard
-        error, shape (3,).
+        The gain of each channel, shape (3,), or ``None`` where the photograph does not determine it; and its relative
+        standard error, shape (3,).
     """
     weight = share[..., None].astype(np.float32)
     radiance = scene.panorama.radiance
@@ -51,7 +51,7 @@ def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[Float
     # What glows is no surface that is lit.
     apparent = bright / np.maximum(from_source + from_rest, 1e-30)
     good = (bright > 0.0).all(axis=1) & (from_rest > 0.0).all(axis=1) & (apparent.max(axis=1) < 50.0)
-    groups = [np.flatnonzero(good & (surface == number)) for number in np.unique(surface)]
+    groups = [np.flatnonzero(good & (surface == each)) for each in np.unique(surface)]
     groups = [group for group in groups if len(group) >= FEWEST]
     if not groups:
         return None, np.full(3, np.nan)

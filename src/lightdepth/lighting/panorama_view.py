@@ -49,7 +49,7 @@ class PanoramaView:
 
     def __init__(self, scene: Scene) -> None:
         if not scene.real:
-            raise InputError(f"{scene.path or 'scene'}: has no [[real]] surfaces; nothing tells where the light falls")
+            raise InputError(f"{scene.path or 'scene'}: has no [[real]] surfaces; where the light falls is not known")
         self.radiance = _reduced(scene.panorama.radiance)
         self.height, self.width = self.radiance.shape[:2]
         self.position = scene.panorama.position

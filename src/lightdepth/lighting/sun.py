@@ -12,7 +12,7 @@ from lightdepth.errors import InputError
 from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.patches import Clicks, inside, read_patches
-from lightdepth.lighting.sun_edges import Alignment, Edges, align, foretold_edges, measured
+from lightdepth.lighting.sun_edges import Alignment, Edges, align, measured, predicted_edges
 from lightdepth.lighting.sun_irradiance import FEWEST_PAIRS, SunIrradiance, combine, compare_sides
 from lightdepth.lighting.sun_search import SunSearch
 from lightdepth.lighting.sunlight import Sunlight
@@ -28,7 +28,7 @@ LEAST_COVERED = 0.3
 GIVEN_REACH = 6.0
 """Heights of a pixel within which edges are looked for where the direction is given."""
 GOOD_SHARE, FAIR_SHARE = 0.6, 0.3
-GOOD_SPREAD, FAIR_SPREAD = 0.15, 0.4
+GOOD_DEVIATION, FAIR_DEVIATION = 0.15, 0.4
 
 
 @dataclass(frozen=True)
@@ -40,8 +40,8 @@ class RecoveredSun:
         diameter: of its disc, degrees.
         direction_uncertainty: standard error, degrees; 0 where the direction was given.
         agreement: correlation of what it lights with what is bright, in [-1, 1].
-        found_edges: share of the foretold edges that the photograph shows.
-        residual: root mean square distance between foretold and photographed edges, heights of a pixel.
+        found_edges: share of the predicted edges that the photograph shows.
+        residual: root mean square distance between predicted and photographed edges, heights of a pixel.
         irradiance: on a surface that faces it.
         by_surface: that from each real surface alone, linear RGB, by name.
         confidence: ``good``, ``fair`` or ``poor``.
@@ -86,7 +86,7 @@ def recover_sun(
     if direction is not None:
         direction = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
         _check_horizon(str(name), direction)
-        edges = measured(view, foretold_edges(view, sunlight, direction), GIVEN_REACH)
+        edges = measured(view, predicted_edges(view, sunlight, direction), GIVEN_REACH)
         found = np.isfinite(edges.offset)
         alignment = Alignment(direction, 0.0, edges.where(found), len(edges.pixel), _root(edges.offset[found]))
     else:
@@ -101,7 +101,7 @@ def recover_sun(
             "panorama already and would be counted twice; where it was clipped, use `lightdepth recover clipped`"
         )
     irradiance, by_surface = _irradiance(str(name), view, sunlight, explained, alignment.edges, direction, diameter)
-    share = len(alignment.edges.pixel) / max(alignment.foretold, 1)
+    share = len(alignment.edges.pixel) / max(alignment.predicted, 1)
     return RecoveredSun(
         direction,
         diameter,
@@ -156,7 +156,7 @@ def _searched(name: str, view: PanoramaView, sunlight: Sunlight, search: SunSear
         azimuth, elevation = azimuth_and_elevation(best.direction)
         raise InputError(
             f"{name}: the sun seems to stand at azimuth {azimuth:.1f}, elevation {elevation:.1f} degrees, but too few "
-            "edges of its patch are seen on one surface to tell its direction and strength"
+            "edges of its patch are seen on one surface to determine its direction and strength"
         )
     return max(fits, key=lambda pair: pair[1] * pair[0].quality)[0]
 
@@ -174,7 +174,7 @@ def _irradiance(
     if len(pairs.irradiance) < FEWEST_PAIRS:
         where = ", ".join(sorted({view.names[int(index)] for index in np.unique(edges.surface)})) or "no surface"
         raise InputError(
-            f"{name}: how strong the sun is cannot be told: of the patch's edges (on {where}) only "
+            f"{name}: the strength of the sun cannot be determined: of the patch's edges (on {where}) only "
             f"{len(pairs.irradiance)} places have lit and shaded parts of one surface side by side; {FEWEST_PAIRS} are "
             "needed. Surfaces of several materials belong into several [[real]] tables; or photograph with more pixels"
         )
@@ -203,9 +203,9 @@ def _check_horizon(name: str, direction: FloatArray) -> None:
 
 def _confidence(share: float, irradiance: SunIrradiance, uncertainty: float) -> str:
     relative = float((irradiance.uncertainty / irradiance.value).max())
-    if share >= GOOD_SHARE and irradiance.spread <= GOOD_SPREAD and relative <= 0.05 and uncertainty <= 0.25:
+    if share >= GOOD_SHARE and irradiance.deviation <= GOOD_DEVIATION and relative <= 0.05 and uncertainty <= 0.25:
         return "good"
-    if share >= FAIR_SHARE and irradiance.spread <= FAIR_SPREAD and relative <= 0.15 and uncertainty <= 0.75:
+    if share >= FAIR_SHARE and irradiance.deviation <= FAIR_DEVIATION and relative <= 0.15 and uncertainty <= 0.75:
         return "fair"
     return "poor"
 

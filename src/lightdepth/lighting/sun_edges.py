@@ -1,6 +1,6 @@
 """The direction of the sun from the edges of its patches, to a fraction of a pixel.
 
-The edges that a direction foretells are compared with those that the photograph shows across them; by how much they
+The edges that a direction predicts are compared with those that the photograph shows across them; by how much they
 move with the direction is measured on the model, and least squares over all of them gives the next direction.
 """
 
@@ -18,7 +18,7 @@ from lightdepth.lighting.sunlight import Sunlight, turned
 
 BISECTIONS = 7
 REACHES = (8.0, 6.0, 4.0, 3.0, 3.0, 2.5, 2.5)
-"""Heights of a pixel to each side of the foretold edge within which the photograph's is looked for, round by round."""
+"""Heights of a pixel to each side of the predicted edge within which the photograph's is looked for, round by round."""
 STEP = 0.5
 """Heights of a pixel between samples across an edge."""
 HALF_EDGE = 2.5
@@ -32,9 +32,9 @@ LARGEST_TURN = 0.15
 FARTHEST = 4.0
 """and heights of a pixel by which they may do so."""
 ON_EDGE = 1.0
-"""Heights of a pixel up to which a photographed edge counts as the foretold one."""
+"""Heights of a pixel up to which a photographed edge counts as the predicted one."""
 EXACT = 0.3
-"""Heights of a pixel off at which a foretold edge is worth half as much as one in the right place."""
+"""Heights of a pixel off at which a predicted edge is worth half as much as one in the right place."""
 MOST_EDGES = 4000
 FEWEST_EDGES = 12
 ENOUGH_EDGES = 60
@@ -45,7 +45,7 @@ POLE = 0.06
 
 @dataclass(frozen=True)
 class Edges:
-    """Places on the edges of the patches that a direction foretells.
+    """Places on the edges of the patches that a direction predicts.
 
     Attributes:
         pixel: x, y, shape (n, 2), in pixels.
@@ -72,26 +72,26 @@ class Edges:
 
 @dataclass(frozen=True)
 class Alignment:
-    """A direction whose foretold edges lie on the photograph's.
+    """A direction whose predicted edges lie on the photograph's.
 
     Attributes:
         direction: toward the sun, unit, world, shape (3,).
         uncertainty: standard error of it, degrees.
         edges: that were found and agree with it.
-        foretold: how many edges the model foretells that could have been found.
-        residual: root mean square distance between foretold and photographed edges, heights of a pixel.
+        predicted: how many edges the model predicts that could have been found.
+        residual: root mean square distance between predicted and photographed edges, heights of a pixel.
     """
 
     direction: FloatArray
     uncertainty: float
     edges: Edges
-    foretold: int
+    predicted: int
     residual: float
 
     @property
     def quality(self) -> float:
-        """How much of what the direction foretells is there, and how exactly; in [0, 1]."""
-        return float(np.sum(1.0 / (1.0 + (self.edges.offset / EXACT) ** 2))) / max(self.foretold, 1)
+        """How much of what the direction predicts is there, and how exactly; in [0, 1]."""
+        return float(np.sum(1.0 / (1.0 + (self.edges.offset / EXACT) ** 2))) / max(self.predicted, 1)
 
 
 def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alignment | None:
@@ -106,7 +106,7 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
         The direction, or ``None`` where too few edges are found.
     """
     for reach in REACHES:
-        edges = measured(view, foretold_edges(view, sunlight, direction), reach)
+        edges = measured(view, predicted_edges(view, sunlight, direction), reach)
         found = np.isfinite(edges.offset)
         if found.sum() < FEWEST_EDGES:
             return None
@@ -114,7 +114,7 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
         length = float(np.hypot(*turn))
         turn *= min(1.0, 1.5 / max(length, 1e-12))
         direction = turned(direction, float(turn[0]), float(turn[1]))
-    edges = measured(view, foretold_edges(view, sunlight, direction), REACHES[-1])
+    edges = measured(view, predicted_edges(view, sunlight, direction), REACHES[-1])
     found = np.isfinite(edges.offset)
     if found.sum() < FEWEST_EDGES:
         return None
@@ -129,8 +129,8 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
     return Alignment(direction, uncertainty, edges.where(good), len(edges.pixel), residual)
 
 
-def foretold_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Edges:
-    """Places on the edges that a direction foretells, not yet measured."""
+def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Edges:
+    """Places on the edges that a direction predicts, not yet measured."""
     height, width = view.height, view.width
     centers = view.centers()
     seen = view.look(centers)
@@ -208,7 +208,7 @@ def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     low = (sums[:, at - half + 1] - sums[:, at - half + 1 - plateau]) / plateau
     high = (sums[:, at + half + plateau] - sums[:, at + half]) / plateau
     broken = whole[:, at + half + plateau] - whole[:, at - half + 1 - plateau] > 0
-    # The steepest place first, so that the two sides of a narrow bar are told apart.
+    # The steepest place first, so that the two sides of a narrow bar are distinguished.
     slope = (sums[:, at + 3] - sums[:, at + 1]) - (sums[:, at] - sums[:, at - 2])
     step = np.where(broken | (high < LEAST_STEP * low) | (low <= 0.0), -np.inf, slope / np.maximum(low + high, 1e-30))
     best = np.argmax(step, axis=1)

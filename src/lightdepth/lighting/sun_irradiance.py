@@ -52,13 +52,13 @@ class SunIrradiance:
     Attributes:
         value: linear RGB, the panorama's radiance unit times steradian, shape (3,).
         uncertainty: standard error of each channel, shape (3,).
-        spread: typical relative deviation of a single pair.
+        deviation: typical relative deviation of a single pair.
         pairs: what it comes from.
     """
 
     value: FloatArray
     uncertainty: FloatArray
-    spread: float
+    deviation: float
     pairs: EdgePairs
 
 
@@ -117,10 +117,10 @@ def compare_sides(
 def combine(pairs: EdgePairs) -> SunIrradiance:
     """The median over pairs, and how sure it is."""
     value = np.median(pairs.irradiance, axis=0)
-    spread = 1.4826 * np.median(np.abs(pairs.irradiance - value), axis=0)
+    deviation = 1.4826 * np.median(np.abs(pairs.irradiance - value), axis=0)
     count = max(1.0, len(pairs.irradiance) / CORRELATED)
-    uncertainty = 1.2533 * spread / np.sqrt(count)
-    return SunIrradiance(value, uncertainty, float(np.mean(spread) / max(float(np.mean(value)), 1e-30)), pairs)
+    uncertainty = 1.2533 * deviation / np.sqrt(count)
+    return SunIrradiance(value, uncertainty, float(np.mean(deviation) / max(float(np.mean(value)), 1e-30)), pairs)
 
 
 def _mean_colour(view: PanoramaView, middle: FloatArray, edges: Edges, sign: float, distance: FloatArray) -> FloatArray:

@@ -29,7 +29,7 @@ MARGIN = 4.0
 SAMPLES = 128
 LIGHT_POINTS = 3000
 NEAR = 40
-"""Nearest shaded pixels of the same surface that tell a place's albedo."""
+"""Nearest shaded pixels of the same surface that give a point's albedo."""
 FEWEST_PIXELS = 30
 
 

@@ -1,6 +1,6 @@
 """The direction of an unseen sun, searched over the whole sky.
 
-For each direction of the sky the modelled openings foretell which surfaces are lit. The sun stands where that agrees
+For each direction of the sky the modelled openings predict which surfaces are lit. The sun stands where that agrees
 best with how much brighter surfaces are than the light that the photograph explains makes them.
 """
 
@@ -90,8 +90,8 @@ class SunSearch:
         directions = sky_directions(SPACING, LOWEST)
         directions = directions[self._allowed(directions)]
         agreement = self._agreement(directions, self._coarse)
-        for number, (spacing, steps) in enumerate(FINER):
-            chosen = _peaks(directions, agreement, KEPT if number == 0 else 3, 2.0 * SPACING if number == 0 else 1.5)
+        for index, (spacing, steps) in enumerate(FINER):
+            chosen = _peaks(directions, agreement, KEPT if index == 0 else 3, 2.0 * SPACING if index == 0 else 1.5)
             offsets = spacing * np.arange(-steps, steps + 1)
             directions = np.array([turned(directions[i], a, b) for i in chosen for a in offsets for b in offsets])
             if not len(directions):
@@ -122,9 +122,9 @@ class SunSearch:
         """Correlation for each direction, shape (n,), over the chosen points; -1 where it lights next to nothing."""
         points, normals, bright = self._points[chosen], self._normals[chosen], self._bright[chosen]
         bright = bright - bright.mean()
-        spread = float(np.sqrt(np.mean(bright**2)))
+        deviation = float(np.sqrt(np.mean(bright**2)))
         result = np.full(len(directions), -1.0)
-        if spread == 0.0:
+        if deviation == 0.0:
             return result
         at_once = max(1, RAYS_AT_ONCE // len(points))
         for first in range(0, len(directions), at_once):
@@ -138,7 +138,7 @@ class SunSearch:
             share = lit.mean(axis=1)
             enough = (lit.sum(axis=1) >= FEWEST_LIT) & (share < 1.0)
             covariance = (lit @ bright) / len(points)
-            correlation = covariance / np.maximum(spread * np.sqrt(share * (1.0 - share)), 1e-12)
+            correlation = covariance / np.maximum(deviation * np.sqrt(share * (1.0 - share)), 1e-12)
             result[first : first + at_once] = np.where(enough, correlation, -1.0)
         return result
 

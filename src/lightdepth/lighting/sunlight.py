@@ -75,7 +75,7 @@ class Sunlight:
 
 
 def sky_directions(spacing: float, lowest: float) -> FloatArray:
-    """Evenly spread unit vectors, ``spacing`` degrees apart, from the elevation ``lowest`` (degrees) up; (n, 3)."""
+    """Evenly distributed unit vectors, ``spacing`` degrees apart, from the elevation ``lowest`` (degrees) up; (n, 3)."""
     bottom = np.sin(np.radians(lowest))
     count = max(1, int((1.0 - bottom) * 2.0 * np.pi / np.radians(spacing) ** 2))
     z = 1.0 - (1.0 - bottom) * (np.arange(count) + 0.5) / count

@@ -28,7 +28,7 @@ def build_light_depth_map(scene: Scene, progress: Callable[[float], None] | None
 
     Args:
         scene: its panorama and real surfaces are used.
-        progress: told the share that is done, in [0, 1].
+        progress: called with the share that is done, in [0, 1].
     """
     panorama = scene.panorama
     height, width = panorama.radiance.shape[:2]

@@ -23,7 +23,7 @@ def mesh_from_depth(
 
     Two neighbouring pixels lie on one surface if the line between their points meets the view at more than
     ``FLATTEST_ANGLE``, or else if a plane goes on from one of them to the other: on a plane the reciprocal distance is
-    linear in the direction, so that the two pixels before (or behind) foretell the next one. The second test keeps
+    linear in the direction, so that the two pixels before (or behind) predict the next one. The second test keeps
     floors and walls whole that are seen at a grazing angle, where depth changes fast. Across any other step the mesh is
     cut, and nothing closes the gap behind the nearer surface. The panorama's edge is joined, and the poles are closed.
 
@@ -110,8 +110,8 @@ def joined(reciprocal: NDArray[np.float64], directions: NDArray[np.float64], axi
     facing = far * np.sqrt(1.0 - cosine**2) >= np.tan(FLATTEST_ANGLE) * (near - far * cosine)
     step = second - first
     before, behind = first - shifted(reciprocal, -1), shifted(reciprocal, 2) - second
-    foretold = np.minimum(np.abs(step - before), np.abs(step - behind)) <= UNEXPLAINED * np.abs(step)
-    return (far > 0.0) & (facing | foretold)
+    predicted = np.minimum(np.abs(step - before), np.abs(step - behind)) <= UNEXPLAINED * np.abs(step)
+    return (far > 0.0) & (facing | predicted)
 
 
 def _faces(right: NDArray[np.bool_], down: NDArray[np.bool_]) -> NDArray[np.intp]:

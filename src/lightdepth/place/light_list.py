@@ -1,4 +1,4 @@
-"""Light samples that many paths share: drawn once, traced once, and then picked by random numbers.
+"""Light samples that many paths share: drawn once, traced once, and then picked by uniform random numbers ``u``.
 
 This is the presampled light list of resampled importance sampling (Talbot et al. 2005): paths take their RIS candidates
 from it.
@@ -14,7 +14,7 @@ import mitsuba as mi
 
 @dataclass
 class LightSample:
-    """Places that emit light, drawn from the map.
+    """Points that emit light, drawn from the map.
 
     Attributes:
         position: world, metres where ``finite``, else the unit direction toward the sky, world.
@@ -36,11 +36,11 @@ class LightSample:
 
 
 class LightList:
-    """Light samples laid out for lookups by random numbers; never changed once made, so that renderings cannot interfere.
+    """Light samples laid out for lookups by uniform random numbers; immutable, so that renderings cannot interfere.
 
-    In two packets of four, so that one is fetched with two loads from one line of the processor's cache: paths look
-    at many that lie far apart. Signs mark the sky, relit surfaces, and suns. The radiance lies by itself, since it
-    is wanted of few.
+    In two packets of four, so that one is fetched with two loads from one line of the processor's cache: RIS
+    candidates lie far apart. Signs mark the sky, relit surfaces, and suns. The radiance lies by itself, since few of
+    them need it.
 
     Args:
         samples: the light samples.
@@ -70,7 +70,7 @@ class LightList:
         return replace(light, radiance=mi.Color3f(radiance.x, radiance.y, radiance.z))
 
     def outline(self, u: mi.Float, active: mi.Bool) -> LightSample:
-        """The same without their color, which takes less time: every channel of their radiance is the largest one."""
+        """The same without their colour, which takes less time: every channel of their radiance is the largest one."""
         index = 2 * self._index(u)
         first = dr.gather(mi.Vector4f, self._outlines, index, active)
         second = dr.gather(mi.Vector4f, self._outlines, index + 1, active)

@@ -34,7 +34,7 @@ def hilbert_curve(levels: int) -> NDArray[np.uint16]:
         levels: the squares have 2 to this power cells a side; at most 7.
 
     Returns:
-        Shape (2 ** levels, 2 ** (levels + 1)); cells with numbers that follow each other are neighbours.
+        Shape (2 ** levels, 2 ** (levels + 1)); cells with consecutive indices are neighbours.
     """
     square = np.zeros((1, 1), np.uint16)
     for _ in range(levels):
@@ -130,7 +130,7 @@ class MapDistribution:
         """Draw directions by their density, stratified along the pixels' order, and put them in order.
 
         They follow a curve that stays in one part of the map until it is done with it, so that those of one lamp come
-        one after the other: evenly spaced ones of the list are evenly spread over the lamps.
+        one after the other: evenly spaced ones of the list are stratified over the lamps.
 
         Args:
             count: how many.
@@ -144,12 +144,12 @@ class MapDistribution:
         stops = np.searchsorted(positions, self._block_ends)
         stops[-1] = count
         begin, block_begin = 0, 0.0
-        for number, (stop, block_end) in enumerate(zip(stops, self._block_ends, strict=True)):
+        for block, (stop, block_end) in enumerate(zip(stops, self._block_ends, strict=True)):
             if stop > begin:
                 within = (positions[begin:stop] - block_begin) / max(block_end - block_begin, 1e-300)
-                ends = np.cumsum(self._block(number), dtype=np.float64)
+                ends = np.cumsum(self._block(block), dtype=np.float64)
                 found = np.minimum(np.searchsorted(ends, within * ends[-1], "right"), ends.size - 1)
-                index[begin:stop] = number * self._rows_at_once * self.width + found
+                index[begin:stop] = block * self._rows_at_once * self.width + found
             begin, block_begin = stop, block_end
         row, column = np.divmod(index, self.width)
         cells = CURVE[row * CURVE.shape[0] // self.height, column * CURVE.shape[1] // self.width]
@@ -163,9 +163,9 @@ class MapDistribution:
         u = np.mod(np.where(over_pole, u + 0.5, u), 1.0)
         return index, latlong_to_direction(mi.Float(aligned(u)), mi.Float(aligned(v)))
 
-    def _block(self, number: int) -> NDArray[np.float32]:
+    def _block(self, index: int) -> NDArray[np.float32]:
         """Weights of some rows: the sums over a whole large panorama would take as much memory as the panorama."""
-        first = number * self._rows_at_once
+        first = index * self._rows_at_once
         return self._weights[first : first + self._rows_at_once]
 
     def _interpolate(self, u: mi.Float, v: mi.Float) -> mi.Vector4f:

@@ -1,7 +1,8 @@
 """The synthetic objects' bounds as seen from a point: where a ray must go to meet something new.
 
-A support point changes only by what synthetic surfaces do to its light (theory, eq. 4), so part of its rays is aimed at
-spheres around the objects, and paths that can hardly meet one any more are ended early.
+A support point changes only by what synthetic surfaces do to its light (theory, eq. 4), so part of its rays is
+sampled toward spheres around the objects (object-directed sampling), and Russian roulette ends paths that can hardly meet
+one.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from lightdepth.kernel.variables import as_point
 Sphere = tuple[np.ndarray, float]
 """Centre, shape (3,), world, and radius, both in metres."""
 MOST_SPHERES = 6
-"""Objects beyond this number share spheres; every sphere costs a test at each support vertex."""
-AIMED_SHARE = 0.5
-"""Share of the rays that are aimed where the objects fill a small part of the view."""
+"""Objects beyond this count share spheres; every sphere costs a test at each support vertex."""
+DIRECTED_SHARE = 0.5
+"""Share of object-directed samples where the objects fill a small part of the view."""
 
 NEAR = 0.5
 """Share of a sphere's radius up to which its surface counts as near."""
@@ -42,14 +43,14 @@ class ObjectBounds:
         """The cones of directions from points (world, metres) that the spheres fill."""
         return Cones(point, self._centres, self._radii)
 
-    def beams(self, place: mi.Vector3f, finite: mi.Bool) -> Beams:
-        """Light that runs from places to the spheres.
+    def beams(self, position: mi.Vector3f, finite: mi.Bool) -> Beams:
+        """Light that runs from positions to the spheres.
 
         Args:
-            place: world, metres, where ``finite``, else unit directions toward the sky.
+            position: world, metres, where ``finite``, else unit directions toward the sky.
             finite: false for sky.
         """
-        return Beams(place, finite, self._centres, self._radii)
+        return Beams(position, finite, self._centres, self._radii)
 
     def extent(self, direction: mi.Vector3f) -> mi.Float:
         """How far the spheres reach along unit directions from the origin of the world, metres."""
@@ -104,9 +105,9 @@ class Cones:
             self.solid_angle += self._solid_angles[-1]
 
     @property
-    def aimed_share(self) -> mi.Float:
-        """Share of rays to aim: less and less where the spheres fill the view, where aiming gains nothing."""
-        return AIMED_SHARE * dr.maximum(1.0 - self.solid_angle * dr.inv_two_pi, 0.0)
+    def directed_share(self) -> mi.Float:
+        """Share of object-directed samples: less and less where the spheres fill the view, where they gain nothing."""
+        return DIRECTED_SHARE * dr.maximum(1.0 - self.solid_angle * dr.inv_two_pi, 0.0)
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
         """A unit direction, uniform over the cones; ``choice`` and ``position`` are uniform in [0, 1)."""
@@ -125,37 +126,39 @@ class Cones:
 
 
 class Beams:
-    """Rays from places toward the spheres, or from directions of the sky.
+    """Rays from positions toward the spheres, or from directions of the sky.
 
     The former are uniform over the sum of the spheres' solid angles, the latter over that of their cross-sections.
 
     Args:
-        place: as for :meth:`ObjectBounds.beams`.
+        position: as for :meth:`ObjectBounds.beams`.
         finite: likewise.
         centres: of the spheres, world, metres.
         radii: of the spheres, metres.
     """
 
-    def __init__(self, place: mi.Vector3f, finite: mi.Bool, centres: list[mi.Point3f], radii: list[mi.Float]) -> None:
-        self._place, self._finite, self._centres, self._radii = place, finite, centres, radii
-        self._cones = Cones(mi.Point3f(place), centres, radii)
+    def __init__(
+        self, position: mi.Vector3f, finite: mi.Bool, centres: list[mi.Point3f], radii: list[mi.Float]
+    ) -> None:
+        self._position, self._finite, self._centres, self._radii = position, finite, centres, radii
+        self._cones = Cones(mi.Point3f(position), centres, radii)
         self._areas = [dr.pi * dr.square(radius) for radius in radii]
         self._total_area = mi.Float(0.0)
         for area in self._areas:
             self._total_area += area
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f]:
-        """Draw rays: origins (for sky, in the sphere that the ray is aimed at, across its middle), and unit directions.
+        """Draw rays: origins (for sky, in the target sphere, across its middle), and unit directions.
 
         ``choice`` and ``position`` are uniform in [0, 1).
         """
         toward = self._cones.sample(choice, position)
         centre, radius = _picked(choice, self._total_area, self._areas, self._centres, self._radii)
         disk = mi.warp.square_to_uniform_disk_concentric(position)
-        across = centre + radius * mi.Frame3f(self._place).to_world(mi.Vector3f(disk.x, disk.y, 0.0))
+        across = centre + radius * mi.Frame3f(self._position).to_world(mi.Vector3f(disk.x, disk.y, 0.0))
         return (
-            dr.select(self._finite, mi.Point3f(self._place), across),
-            dr.select(self._finite, toward, -self._place),
+            dr.select(self._finite, mi.Point3f(self._position), across),
+            dr.select(self._finite, toward, -self._position),
         )
 
     def pdf(self, point: mi.Point3f, direction: mi.Vector3f) -> mi.Float:
@@ -180,7 +183,7 @@ def _picked(choice: mi.Float, total: mi.Float, sizes: list[mi.Float], *columns: 
         choice: uniform in [0, 1).
         total: of the sizes.
         sizes: of the rows, not negative.
-        columns: numbers, points or vectors, one for each row.
+        columns: scalars, points or vectors, one for each row.
     """
     remaining = choice * total
     picked = [column[0] for column in columns]

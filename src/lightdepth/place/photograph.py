@@ -1,4 +1,4 @@
-"""A photograph: what it shows of the place from anywhere, and how its light is sampled.
+"""A photograph: the radiance of the place that it gives, seen from anywhere, and the sampling of its light.
 
 Equations: docs/theory.md, sections 2 and 3. The paper's ``M(w, z)`` of section 4, its eq. 4 (a real point's radiance is
 read from the map in the direction from the capture point), and section 5.6 (lights at their real positions), with
@@ -32,17 +32,17 @@ DEPTH_TOLERANCE = 0.01
 SKY_ROWS = 1024
 """Rows of pixels, at most, from which the sky's mean radiance is taken."""
 CLEARLY_BEFORE = 2.0
-"""Pixels of the map; what lies no further from a real point's plane does not hide it for certain."""
+"""Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
 
 
 class Photograph(RealLight):
-    """A panorama as what is seen of the place, and as its light: all that concerns one capture point.
+    """A panorama, both as the appearance of the place and as a light: all that concerns one capture point.
 
     Args:
         panorama: the photograph and its pose.
         surfaces: the real surfaces to trace.
         infinite: take every depth as infinite: the directional method.
-        alone: nothing but light samples finds its light, so that these must cover all of it.
+        alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
     """
 
     def __init__(
@@ -68,7 +68,7 @@ class Photograph(RealLight):
         return photograph
 
     def with_mirrored(self, image: NDArray[np.float32]) -> Photograph:
-        """The same photograph, of which it is known what specular lobes mirror.
+        """The same photograph with the radiance that specular lobes mirror in it.
 
         Args:
             image: ``S``, radiance that the lobes of real surfaces send to the capture point, shape (h, 2 h, 3), in the
@@ -114,7 +114,7 @@ class Photograph(RealLight):
         mapped = self._mapped_depth(w0)
         pdf = dr.select(self._capture_sees(mapped, depth, cosine_capture), pdf, 0.0)
         front = active & hit.valid & (dr.dot(hit.normal, direction) < 0.0)
-        radiance = self._unless_hidden(radiance, hit, front & self._hidden(mapped, depth, cosine_capture))
+        radiance = self._with_unseen(radiance, hit, front & self._surely_unseen(mapped, depth, cosine_capture))
         if self._unseen_sky is not None:
             behind = ~hit.valid & dr.isfinite(mapped)
             radiance = dr.select(behind, self._sky_at(direction, active & behind), radiance)
@@ -132,11 +132,11 @@ class Photograph(RealLight):
 
     def surface_radiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
         """M at points of real surfaces seen from their front, at their rest positions (paper, section 5.8)."""
-        _, hidden, radiance = self.sight(mi.Vector3f(self.surfaces.rest_point(hit, active)), hit.normal)
-        return self._unless_hidden(radiance, hit, active & hidden)
+        _, unseen, radiance = self.sight(mi.Vector3f(self.surfaces.rest_point(hit, active)), hit.normal)
+        return self._with_unseen(radiance, hit, active & unseen)
 
     def mirrored(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
-        """``S`` at points of real surfaces: what of their radiance specular lobes mirror, 0 where nothing is known."""
+        """``S`` at points of real surfaces: what of their radiance specular lobes mirror, 0 where it was not estimated."""
         if self._mirrored is None:
             return mi.Color3f(0.0)
         offset = mi.Vector3f(self.surfaces.rest_point(hit, active) - self._capture)
@@ -151,7 +151,7 @@ class Photograph(RealLight):
         return self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True))
 
     def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
-        """Which real points the capture point sees, which it certainly does not, and what the photograph shows there.
+        """Which real points the capture point sees, which are certainly unseen, and what the photograph shows there.
 
         Args:
             point: world, metres.
@@ -162,14 +162,18 @@ class Photograph(RealLight):
         direction = offset * dr.rcp(dr.maximum(depth, 1e-20))
         w0 = self._to_light @ direction
         cosine, mapped = dr.abs(dr.dot(normal, direction)), self._mapped_depth(w0)
-        return self._capture_sees(mapped, depth, cosine), self._hidden(mapped, depth, cosine), self.map.radiance(w0)
+        return (
+            self._capture_sees(mapped, depth, cosine),
+            self._surely_unseen(mapped, depth, cosine),
+            self.map.radiance(w0),
+        )
 
-    def _unless_hidden(self, photographed: mi.Color3f, hit: RealHit, hidden: mi.Bool) -> mi.Color3f:
-        """``photographed``, but where ``hidden`` what is known of the surface there, if anything is."""
-        if not self.surfaces.knows_unseen:
+    def _with_unseen(self, photographed: mi.Color3f, hit: RealHit, unseen: mi.Bool) -> mi.Color3f:
+        """``photographed``, but where ``unseen`` the recovered radiance of the surface, if there is one."""
+        if not self.surfaces.has_unseen_albedo:
             return photographed
-        unseen, known = self.surfaces.unseen_radiance(hit, hidden)
-        return dr.select(known, unseen, photographed)
+        recovered, valid = self.surfaces.unseen_radiance(hit, unseen)
+        return dr.select(valid, recovered, photographed)
 
     # -- Sampling its light -------------------------------------------------------------------------------------
 
@@ -179,7 +183,7 @@ class Photograph(RealLight):
         direction = self._to_world @ w0
         radiance, pdf = self.map.radiance_and_pdf(w0)
         if self.infinite or not self.surfaces.has_real:
-            place, normal, density = direction, mi.Vector3f(0.0, 0.0, 1.0), pdf
+            position, normal, density = direction, mi.Vector3f(0.0, 0.0, 1.0), pdf
             finite, relit = mi.Bool(False), mi.Bool(False)
         else:
             hit = self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True))
@@ -187,17 +191,17 @@ class Photograph(RealLight):
             depth = dr.select(hit.valid, hit.distance, dr.inf)
             seen = self._capture_sees(self._mapped_depth(w0), depth, cosine)
             finite, relit = hit.valid, hit.kind == int(FaceKind.RELIT)
-            place = dr.select(finite, mi.Vector3f(hit.point), direction)
+            position = dr.select(finite, mi.Vector3f(hit.point), direction)
             normal = hit.normal
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
             if self.surfaces.deformed:
                 radiance = dr.select(finite, self.surface_radiance(hit, finite), radiance)
-        return LightSample(place, normal, density, radiance, finite, relit, mi.Bool(False))
+        return LightSample(position, normal, density, radiance, finite, relit, mi.Bool(False))
 
     # -- Sky behind what the capture point sees -----------------------------------------------------------------
 
     def _sky_table(self, panorama: Panorama) -> mi.Float | None:
-        """The sky by elevation, in groups of four numbers, where some of it may be hidden; else ``None``."""
+        """The sky by elevation, in groups of four values, where some of it may be unseen; else ``None``."""
         if self.infinite or not self.surfaces.has_real:
             return None
         sky = np.isinf(self._depth.numpy()).reshape(self.map.height, self.map.width)
@@ -241,11 +245,11 @@ class Photograph(RealLight):
         return dr.gather(mi.Float, self._depth, self.map.pixel(w0))
 
     def _capture_sees(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
-        """Whether the capture point sees a place, as shadow maps decide it: by the depth of the map in its direction.
+        """Whether the capture point sees a point, as shadow maps decide it: by the depth of the map in its direction.
 
         Args:
             mapped: that depth, metres, inf for sky.
-            depth: the place's distance from it, metres, inf for sky.
+            depth: the point's distance from the capture point, metres, inf for sky.
             cosine: between the direction and the surface's normal; slanted surfaces change depth within a pixel.
         """
         if self.infinite or not self.surfaces.has_real:
@@ -254,10 +258,10 @@ class Photograph(RealLight):
         both_sky = dr.isinf(mapped) & dr.isinf(depth)
         return both_sky | (dr.abs(depth - mapped) <= tolerance * mapped)
 
-    def _hidden(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
-        """Whether something stands clearly before a place: what the map shows there is well off the place's own plane.
+    def _surely_unseen(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
+        """Whether a point is certainly unseen: the surface that the map shows there is well off the plane of the point.
 
         By the distance from the plane, since on slanted surfaces, and between the bumps of a scan, depth alone varies
-        within a pixel by any amount. It is never so where :meth:`_capture_sees`; the arguments are the same.
+        within a pixel by any amount. Never true where :meth:`_capture_sees` is; the arguments are the same.
         """
         return (depth - mapped) * cosine > (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * depth

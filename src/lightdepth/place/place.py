@@ -35,7 +35,7 @@ class Place:
         panorama: the photograph and its pose.
         surfaces: the real surfaces to trace.
         infinite: take every depth as infinite: the directional method.
-        alone: nothing but light samples finds its light, so that these must cover all of it.
+        alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
         suns: those that the photograph does not show.
 
     Attributes:
@@ -77,7 +77,7 @@ class Place:
         return place
 
     def with_mirrored(self, image: NDArray[np.float32]) -> Place:
-        """The same place with what its glossy surfaces mirror: see :meth:`Photograph.with_mirrored`."""
+        """The same place with the radiance that its glossy surfaces mirror: see :meth:`Photograph.with_mirrored`."""
         place = copy(self)
         place.photograph = self.photograph.with_mirrored(image)
         return place
@@ -122,7 +122,7 @@ class Place:
         return direction, dr.select(light.finite, distance, dr.inf), pdf
 
     def likelihood(self, light: LightSample, point: mi.Point3f) -> mi.Float | float:
-        """How much light samples should weigh among RIS candidates at points, before their visibility is known."""
+        """Weight of light samples among RIS candidates at points, before their visibility is known."""
         if not self.suns:
             return 1.0
         likely = self.suns[0].likelihood(point)
@@ -136,7 +136,7 @@ class Place:
             return 1.0
         result = mi.Color3f(1.0)
         for sun in self.suns:
-            result = dr.select(light.is_sun & sun.holds(light.position), sun.transmittance(point), result)
+            result = dr.select(light.is_sun & sun.contains(light.position), sun.transmittance(point), result)
         return result
 
     def unblocked(self, light: LightSample, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
@@ -163,7 +163,7 @@ class Place:
     def arriving(
         self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
     ) -> list[tuple[mi.Color3f, mi.Float, mi.Bool]]:
-        """What each light sends along rays: see :meth:`RealLight.arriving`; densities are those of the light list."""
+        """Radiance of each light along rays: see :meth:`RealLight.arriving`; densities are those of the light list."""
         arriving = [light.arriving(ray, hit, distance, active) for light in self.lights]
         if not self.suns:
             return arriving

@@ -1,4 +1,4 @@
-"""What every light of the photographed place is: something that can be sampled, and that rays may come upon."""
+"""What every light of the photographed place is: it can be sampled, and rays may hit it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class RealLight(ABC):
     def arriving(
         self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
     ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
-        """What this light sends along rays, looking through everything synthetic.
+        """Radiance of this light along rays, looking through everything synthetic.
 
         Args:
             ray: with unit directions ``w``, world.
@@ -34,6 +34,6 @@ class RealLight(ABC):
             active: where it is wanted.
 
         Returns:
-            Radiance; the density per steradian at ``x`` with which :meth:`presample` finds it; and whether it comes from a
+            Radiance; the pdf of :meth:`presample` per steradian at ``x``; and whether it comes from a
             finite distance.
         """

@@ -1,4 +1,4 @@
-"""The real surfaces of a scene as one mesh: what is traced, and what is known of each of its faces."""
+"""The real surfaces of a scene as one mesh: what is traced, and the values of each of its faces."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ class RealSurfaces:
         first_node: where the nodes of each face begin, shape (m,), uint32; several faces may share theirs. They come in
             rows along the edge from the first to the second vertex, the rows one after the other toward the third.
         irradiance: E at each node, linear RGB, shape (k, 3), float32; zero where it was not recovered.
-        unseen_albedo: what the part of each face reflects that the capture point does not see, linear RGB, shape (m, 3),
-            float32; zero where nothing is known of it.
+        unseen_albedo: of the unseen part of each face, occluded from the capture point, linear RGB, shape (m, 3),
+            float32; zero where it was not recovered.
     """
 
     vertices: NDArray[np.float32]
@@ -73,22 +73,22 @@ class RealSurfaces:
 def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
     """Merge real surfaces into one; each face keeps its role and gloss, each vertex its rest position."""
     glosses: list[Gloss] = []
-    vertices, faces, kinds, gloss_numbers, rests = [], [], [], [], []
+    vertices, faces, kinds, gloss_indices, rests = [], [], [], [], []
     offset = 0
     for surface in surfaces:
         mesh = surface.mesh
-        number = 0
+        index = 0
         if surface.gloss is not None:
             if surface.gloss not in glosses:
                 glosses.append(surface.gloss)
-            number = 1 + glosses.index(surface.gloss)
+            index = 1 + glosses.index(surface.gloss)
         kind = FaceKind.OPENING if surface.opening else FaceKind.ENVIRONMENT
         if surface.role == Role.SUPPORT:
             kind = FaceKind.SUPPORT if mesh.rest is None else FaceKind.RELIT
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + offset)
         kinds.append(np.full(len(mesh.faces), kind, np.uint32))
-        gloss_numbers.append(np.full(len(mesh.faces), number, np.uint32))
+        gloss_indices.append(np.full(len(mesh.faces), index, np.uint32))
         rests.append(mesh.vertices if mesh.rest is None else mesh.rest)
         offset += len(mesh.vertices)
     if not surfaces:
@@ -104,7 +104,7 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
         merged,
         np.concatenate(faces).astype(np.int32),
         kind_of_faces,
-        np.concatenate(gloss_numbers),
+        np.concatenate(gloss_indices),
         tuple(glosses),
         np.concatenate(rests).astype(np.float32),
         np.ones_like(kind_of_faces),

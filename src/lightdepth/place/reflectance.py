@@ -14,9 +14,9 @@ from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 GLOWING = 1.5
 """Ratio ``pi M / E`` above which a support surface is taken to emit light by itself."""
 LEAST_DIFFUSE = 0.5
-"""Share of its typical diffuse radiance that a glossy surface keeps wherever its lobe would mirror more than is shown,"""
+"""Share of its typical diffuse radiance that a glossy surface keeps wherever its lobe would mirror more than is shown."""
 ALWAYS_MIRRORED = 0.3
-"""and share of its radiance that may be mirrored even there, where its texture is dark."""
+"""Share of its radiance that may be mirrored even there, where its texture is dark."""
 
 
 def recovered_reflectance(

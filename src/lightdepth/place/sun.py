@@ -60,7 +60,7 @@ class Sun(RealLight):
         self._shadow_map = _ShadowMap(settings.direction, surfaces) if surfaces.has_real else None
 
     def presample(self, generator: np.random.Generator, count: int) -> LightSample:
-        """Directions toward the disc, uniform over its solid angle; evenly spaced ones are spread evenly over it."""
+        """Directions toward the disc, uniform over its solid angle; evenly spaced ones are stratified over it."""
         index = np.arange(count)
         u = (index + generator.random(count)) / count
         v = np.mod(index * GOLDEN_RATIO + generator.random(), 1.0)
@@ -87,10 +87,10 @@ class Sun(RealLight):
 
     @property
     def has_mask(self) -> bool:
-        """Whether a mask holds part of it back."""
+        """Whether a mask attenuates it."""
         return self._mask is not None
 
-    def holds(self, direction: mi.Vector3f) -> mi.Bool:
+    def contains(self, direction: mi.Vector3f) -> mi.Bool:
         """Whether unit directions, world, lead to this sun, with a little room for rounding."""
         return 1.0 - dr.dot(direction, mi.Vector3f(self._axes[2])) <= 1.01 * self._versine + 1e-6
 

@@ -20,10 +20,10 @@ SMALLEST_ALPHA = 1e-3
 
 
 class SpecularLobes:
-    """The GGX lobes of the glossy support surfaces, looked up by their number.
+    """The GGX lobes of the glossy support surfaces, looked up by their index.
 
     Args:
-        glosses: the lobes; number 0 means none, number i + 1 the i-th.
+        glosses: the lobes; index 0 means none, index i + 1 the i-th.
     """
 
     def __init__(self, glosses: Sequence[Gloss]) -> None:
@@ -32,28 +32,28 @@ class SpecularLobes:
         self._reflectance = mi.Float([0.0, *(0.08 * gloss.specular for gloss in glosses)])
         self._scale = mi.Float([0.0, *(gloss.scale for gloss in glosses)])
 
-    def distribution(self, number: mi.UInt32) -> mi.MicrofacetDistribution:
-        """Distribution of the visible normals of lobe ``number``."""
-        return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, dr.gather(mi.Float, self._alpha, number), True)
+    def distribution(self, index: mi.UInt32) -> mi.MicrofacetDistribution:
+        """Distribution of the visible normals of lobe ``index``."""
+        return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, dr.gather(mi.Float, self._alpha, index), True)
 
-    def fresnel(self, number: mi.UInt32, cosine: mi.Float) -> mi.Float:
+    def fresnel(self, index: mi.UInt32, cosine: mi.Float) -> mi.Float:
         """Schlick's Fresnel reflectance at the cosine to the half vector, times the scale of the lobe."""
-        normal_incidence = dr.gather(mi.Float, self._reflectance, number)
-        scale = dr.gather(mi.Float, self._scale, number)
+        normal_incidence = dr.gather(mi.Float, self._reflectance, index)
+        scale = dr.gather(mi.Float, self._scale, index)
         return scale * dr.lerp(normal_incidence, 1.0, dr.power(dr.clip(1.0 - cosine, 0.0, 1.0), 5.0))
 
 
 class SupportScattering:
-    """``f_p`` at support points, and a density that mixes its lobes with aiming at the objects.
+    """``f_p`` at support points, and a pdf that mixes its lobes with object-directed sampling.
 
     Args:
         albedo: recovered albedo.
         normal: unit, world, on the side of ``outgoing``.
         outgoing: unit direction to where the path came from, world.
         lobes: the specular lobes that occur.
-        gloss: number of the specular lobe at each point, 0 for none.
-        cones: the objects' bounds from each point, or ``None`` where nothing is to be aimed at.
-        aim: factor on the share of the rays that are aimed, 0 to 1.
+        gloss: index of the specular lobe at each point, 0 for none.
+        cones: the objects' bounds from each point, or ``None`` without object-directed sampling.
+        directed: factor on the share of object-directed samples, 0 to 1.
         specular_scale: factor on the specular lobe per channel.
     """
 
@@ -65,29 +65,29 @@ class SupportScattering:
         lobes: SpecularLobes,
         gloss: mi.UInt32,
         cones: Cones | None,
-        aim: mi.Float,
+        directed: mi.Float,
         specular_scale: mi.Color3f | float = 1.0,
     ) -> None:
         self._albedo, self._frame, self._lobes, self._gloss = albedo, mi.Frame3f(normal), lobes, gloss
         self._outgoing = self._frame.to_local(outgoing)
         self._specular_scale = mi.Color3f(specular_scale)
         self._cones = cones
-        self._aimed = aim * cones.aimed_share if cones is not None else mi.Float(0.0)
+        self._directed = directed * cones.directed_share if cones is not None else mi.Float(0.0)
         self._glossy = dr.select(gloss > 0, GLOSSY_SHARE, 0.0) if lobes.any else mi.Float(0.0)
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
         """Draw a unit direction in world space; the arguments are uniform in [0, 1)."""
         choice = mi.Float(choice)
-        aimed = choice < self._aimed
-        rest = (choice - self._aimed) / dr.maximum(1.0 - self._aimed, 1e-6)
+        to_objects = choice < self._directed
+        rest = (choice - self._directed) / dr.maximum(1.0 - self._directed, 1e-6)
         local = mi.warp.square_to_cosine_hemisphere(position)
         if self._lobes.any:
             half, _ = self._lobes.distribution(self._gloss).sample(self._outgoing, position)
             local = dr.select(rest < self._glossy, mi.reflect(self._outgoing, half), local)
         direction = self._frame.to_world(local)
         if self._cones is not None:
-            toward_objects = self._cones.sample(choice / dr.maximum(self._aimed, 1e-6), position)
-            direction = dr.select(aimed, toward_objects, direction)
+            toward_objects = self._cones.sample(choice / dr.maximum(self._directed, 1e-6), position)
+            direction = dr.select(to_objects, toward_objects, direction)
         return direction
 
     def may_meet_objects(self, direction: mi.Vector3f) -> mi.Bool:
@@ -95,7 +95,7 @@ class SupportScattering:
         return self._cones.pdf(direction) > 0.0 if self._cones is not None else mi.Bool(True)
 
     def evaluate(self, direction: mi.Vector3f) -> tuple[mi.Color3f, mi.Float]:
-        """``f_p |cos|`` and the density of :meth:`sample` per steradian for unit directions in world space."""
+        """``f_p |cos|`` and the pdf of :meth:`sample` per steradian for unit directions in world space."""
         local = self._frame.to_local(direction)
         cosine = local.z
         above = cosine > 0.0
@@ -107,7 +107,7 @@ class SupportScattering:
             pdf = dr.lerp(pdf, specular_pdf, self._glossy)
         pdf = dr.select(above, pdf, 0.0)
         if self._cones is not None:
-            pdf = dr.lerp(pdf, self._cones.pdf(direction), self._aimed)
+            pdf = dr.lerp(pdf, self._cones.pdf(direction), self._directed)
         return value & above, pdf
 
     def _specular(self, local: mi.Vector3f) -> tuple[mi.Float, mi.Float]:

@@ -121,8 +121,8 @@ class TracedSurfaces:
         albedos = [(0.0, 0.0, 0.0), *(gloss.albedo for gloss in surfaces.glosses)]
         self._typical_albedo = mi.Float(_padded(np.array(albedos))) if surfaces.glosses else None
         self._rest = mi.Float(_padded(surfaces.rest[surfaces.faces].reshape(-1, 3))) if self.deformed else None
-        self.knows_unseen = bool(surfaces.unseen_albedo.any())
-        self._unseen_albedo = mi.Float(_padded(surfaces.unseen_albedo)) if self.knows_unseen else None
+        self.has_unseen_albedo = bool(surfaces.unseen_albedo.any())
+        self._unseen_albedo = mi.Float(_padded(surfaces.unseen_albedo)) if self.has_unseen_albedo else None
 
     def first_real(self, ray: mi.Ray3f, active: mi.Bool) -> RealHit:
         """The first real surface along rays, looking through all synthetic ones: ``q(x, w)``."""
@@ -136,7 +136,7 @@ class TracedSurfaces:
         return found.is_valid() & (dr.reinterpret_array(mi.UInt32, found.shape) == self._real_shape)
 
     def real_hit(self, ray: mi.Ray3f, found: mi.PreliminaryIntersection3f, valid: mi.Bool) -> RealHit:
-        """Look up what is known of the real face that was met, where ``valid``."""
+        """Look up the values of the real faces that were hit, where ``valid``."""
         face = dr.select(valid, found.prim_index, 0)
         flags = dr.gather(mi.UInt32, self._facts, 4 * face + 3, valid)
         normal = dr.gather(mi.Vector4f, self._normals, face, valid)
@@ -164,12 +164,12 @@ class TracedSurfaces:
         return mi.Color3f(value.x, value.y, value.z)
 
     def unseen_radiance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Bool]:
-        """Radiance of points that the capture point does not see, ``rho E / pi``, and where it is known."""
+        """Radiance of unseen points, ``rho E / pi``, and where it was recovered."""
         if self._unseen_albedo is None:
             return mi.Color3f(0.0), mi.Bool(False)
         albedo = dr.gather(mi.Vector4f, self._unseen_albedo, hit.face, active)
-        known = active & (dr.max(albedo) > 0.0)
-        return mi.Color3f(albedo.x, albedo.y, albedo.z) * self.irradiance(hit, known) * dr.inv_pi, known
+        valid = active & (dr.max(albedo) > 0.0)
+        return mi.Color3f(albedo.x, albedo.y, albedo.z) * self.irradiance(hit, valid) * dr.inv_pi, valid
 
     def rest_point(self, hit: RealHit, active: mi.Bool) -> mi.Point3f:
         """Where points of real surfaces take their colour from (paper, section 5.8), world, metres."""
@@ -228,8 +228,7 @@ def leave(
 def shadow_ray(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, distance: mi.Float) -> mi.Ray3f:
     """A ray that leaves a surface and ends just before a light.
 
-    It starts beside the surface and still ends at the light: a near one would hide itself from a ray that runs beside
-    its line.
+    It starts beside the surface and still ends at the light: a parallel ray could be blocked by a near light itself.
 
     Args:
         point: on the surface, world, metres.

@@ -1,4 +1,4 @@
-"""Sky that the capture point does not see, because a wall hides it, and that other places see through a window.
+"""Unseen sky: a wall occludes it from the capture point, and other points see it through a window.
 
 The photograph shows the wall in that direction, which is no sky at all. What it does show of the sky at the same elevation
 is the better guess.
@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 BANDS = 181
-"""Elevations at which the sky's radiance is known, from -90 to 90 degrees."""
+"""Elevations at which the sky's radiance is tabulated, from -90 to 90 degrees."""
 HALF_BAND = 1.5
-"""Degrees of elevation to each side from which it is taken;"""
+"""Degrees of elevation to each side from which it is taken."""
 FEWEST = 8
-"""where there are so many pixels of sky, else from the nearest elevation that has them."""
+"""Pixels of sky that this needs; with fewer, the nearest elevation that has them is taken."""
 BRIGHTEST = 4.0
-"""Times the median that a pixel counts at most: clouds before sunset, and no sun."""
+"""Pixels are clamped to this many times the median: bright clouds count, the sun does not."""
 
 
 def sky_by_elevation(
@@ -38,12 +38,12 @@ def sky_by_elevation(
     elevation, colours = elevation[order], radiance[sky][order]
     bands = np.linspace(-90.0, 90.0, BANDS)
     first, last = np.searchsorted(elevation, bands - HALF_BAND), np.searchsorted(elevation, bands + HALF_BAND)
-    known = np.flatnonzero(last - first >= FEWEST)
-    if not len(known):
+    valid = np.flatnonzero(last - first >= FEWEST)
+    if not len(valid):
         return None
-    table = np.array([_mean(colours[first[band] : last[band]]) for band in known])
-    nearest = known[np.argmin(np.abs(known[None, :] - np.arange(BANDS)[:, None]), axis=1)]
-    return np.asarray(table[np.searchsorted(known, nearest)], dtype=np.float32)
+    table = np.array([_mean(colours[first[band] : last[band]]) for band in valid])
+    nearest = valid[np.argmin(np.abs(valid[None, :] - np.arange(BANDS)[:, None]), axis=1)]
+    return np.asarray(table[np.searchsorted(valid, nearest)], dtype=np.float32)
 
 
 def _mean(colours: NDArray[np.float32]) -> NDArray[np.float32]:

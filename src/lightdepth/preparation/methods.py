@@ -53,23 +53,23 @@ class Method(Protocol):
 
 
 def _difference(scene: Scene, store: Store | None = None, infinite: bool = False) -> Prepared:
-    known, objects = prepare_place(scene, infinite, store), prepare_objects(scene)
-    surfaces = known.place.surfaces.with_synthetic([shape for _, shape in objects.shapes])
-    place = known.place.with_surfaces(surfaces)
+    prepared, objects = prepare_place(scene, infinite, store), prepare_objects(scene)
+    surfaces = prepared.place.surfaces.with_synthetic([shape for _, shape in objects.shapes])
+    place = prepared.place.with_surfaces(surfaces)
     settings = scene.render
-    # The kernel of light paths takes longer to compile than a draft's noise is worth.
+    # Compiling the kernel of light tracing takes longer than a draft's noise is worth.
     polished = None if settings.draft else objects.polished
     integrator = DifferenceIntegrator(
         place,
         surfaces,
         objects.bounds,
         settings.max_bounces,
-        known.real.glosses,
+        prepared.real.glosses,
         settings.clamp_indirect,
         polished,
     )
     spheres = [] if objects.bounds is None else objects.bounds.spheres
-    return Prepared(place, surfaces, integrator, objects.shapes, known.errors.report(spheres), known.plates)
+    return Prepared(place, surfaces, integrator, objects.shapes, prepared.errors.report(spheres), prepared.plates)
 
 
 def _directional(scene: Scene, store: Store | None = None) -> Prepared:

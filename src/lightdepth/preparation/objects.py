@@ -19,7 +19,7 @@ class PreparedObjects:
     Attributes:
         shapes: each with the index of its object in the scene.
         bounds: spheres around them; ``None`` without objects.
-        polished: spheres around those that throw light into some directions; ``None`` where there are none.
+        polished: spheres around those with a narrow specular lobe; ``None`` where there are none.
     """
 
     shapes: tuple[tuple[int, mi.Shape], ...]

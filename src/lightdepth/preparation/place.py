@@ -25,7 +25,7 @@ from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
 from lightdepth.recovery.support_irradiance import IrradianceErrors, recover_irradiance
-from lightdepth.recovery.unseen_albedo import recover_hidden
+from lightdepth.recovery.unseen_albedo import recover_unseen
 from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.model import Gloss, RealSurface, Role, Scene
 from lightdepth.store import Store
@@ -124,7 +124,7 @@ def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: Rec
     generator = np.random.default_rng(scene.render.seed)
     samples = scene.render.irradiance_samples
     if not (empty.infinite or modelled.deformed or scene.render.draft):  # It would be a quarter of a draft's time.
-        empty, modelled = recover_hidden(empty, modelled, generator, samples, parameters)
+        empty, modelled = recover_unseen(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
     modelled = with_fitted_glosses(empty, modelled, parameters)
     real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
@@ -152,7 +152,7 @@ def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
 
 @cache
 def _code() -> str:
-    """Digest of the version and of the code that recovers places: who changes it must not get what the old one made."""
+    """Digest of the version and of the code that recovers places: changed code must not get what the old one recovered."""
     root, state = Path(lightdepth.__file__).parent, hashlib.sha256(metadata.version("lightdepth").encode())
     for file in sorted(file for folder in CODE for file in (root / folder).rglob("*.py")):
         state.update(f"{file.relative_to(root)};".encode() + file.read_bytes())

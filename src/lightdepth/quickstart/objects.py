@@ -116,8 +116,8 @@ def offsets(objects: Sequence[NewObject]) -> list[float]:
     """How far right of the group's middle each stands, metres, side by side in their order."""
     widths = [float(max(thing.size[0], thing.size[1])) for thing in objects]
     places, right = [], 0.0
-    for number, width in enumerate(widths):
-        right += GAP * max(width, widths[number - 1]) if number else 0.0
+    for index, width in enumerate(widths):
+        right += GAP * max(width, widths[index - 1]) if index else 0.0
         places.append(right + width / 2.0)
         right += width
     return [place - right / 2.0 for place in places]

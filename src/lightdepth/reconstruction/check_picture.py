@@ -100,14 +100,14 @@ def _edges(hits: Hits, pose: Pose, surface: NDArray[np.int32]) -> NDArray[np.boo
         for axis in (0, 1):
             following = np.roll(surface, -few, axis)
             bend = np.einsum("ijk,ijk->ij", normal, np.roll(normal, -few, axis)) < np.cos(np.radians(SHARPEST_BEND))
-            foretold = np.einsum("ijk,ijk->ij", slope, np.roll(directions, -few, axis))
+            predicted = np.einsum("ijk,ijk->ij", slope, np.roll(directions, -few, axis))
             there = np.roll(reciprocal, -few, axis)
-            jump = np.abs(there - foretold) > JUMP * np.maximum(there, reciprocal)
+            jump = np.abs(there - predicted) > JUMP * np.maximum(there, reciprocal)
             found = (surface != following) | ((surface >= 0) & (bend | jump))
             if axis == 0:
                 found[-few:] = False
             edge |= np.roll(found, few // 2, axis)  # On the edge, not before it.
-    # Roughness makes specks, edges make lines.
+    # Roughness gives scattered pixels, edges give lines.
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(edge.astype(np.uint8), connectivity=8)
     length = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
     return edge & (length >= SHORTEST_EDGE * height)[labels]

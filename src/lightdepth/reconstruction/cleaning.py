@@ -66,7 +66,7 @@ def smoothed(
 
     Args:
         cloud: even and without outliers.
-        capture_point: what the surfaces face where the cloud does not tell, world, metres, shape (3,).
+        capture_point: what the surfaces face where the cloud has no normals, world, metres, shape (3,).
         progress: called with the share that is done.
 
     Returns:

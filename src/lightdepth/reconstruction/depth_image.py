@@ -114,7 +114,7 @@ def fill_missing(image: DepthImage) -> FloatArray:
 
 
 def denoised(image: DepthImage) -> DepthImage:
-    """The image without the measurement's noise, as far as neighbouring pixels tell it apart from shape.
+    """The image without the measurement's noise, as far as neighbouring pixels separate it from shape.
 
     A bilateral filter (Tomasi and Manduchi, 1998) on the reciprocal distance, which leaves planes and jumps as they
     are. Its range follows the noise at each distance; an exact image is not changed.
@@ -231,8 +231,8 @@ def _solve(reciprocal: FloatArray, region: NDArray[np.bool_], known: NDArray[np.
     height, width = reciprocal.shape
     step_theta, step_phi = np.pi / height, 2.0 * np.pi / width
     own = np.arange(np.count_nonzero(region))
-    number = np.zeros(region.shape, dtype=np.intp)
-    number[region] = own
+    index = np.zeros(region.shape, dtype=np.intp)
+    index[region] = own
     theta = np.broadcast_to((np.arange(height)[:, None] + 0.5) * step_theta, region.shape)[region]
     upward, downward = (np.sin(theta + 0.5 * side * step_theta) / (np.sin(theta) * step_theta**2) for side in (-1, 1))
     sideways = 1.0 / (np.sin(theta) * step_phi) ** 2
@@ -244,7 +244,7 @@ def _solve(reciprocal: FloatArray, region: NDArray[np.bool_], known: NDArray[np.
         _neighbours(region),
         _neighbours(known),
         _neighbours(reciprocal),
-        _neighbours(number),
+        _neighbours(index),
         strict=True,
     ):
         inside, beside = inner[region], border[region]

@@ -101,7 +101,7 @@ def _ransac(points: FloatArray, tolerance: float, smallest_cosine: float, random
     lengths = np.linalg.norm(normals, axis=1)
     normals[lengths > 0] /= lengths[lengths > 0, None]
     normals[normals[:, 2] < 0] *= -1.0
-    # Three noisy points close together tell their height well and their slope badly: each is also tried as level.
+    # Three noisy points close together determine their height well and their slope badly: each is also tried as level.
     normals = np.concatenate([normals, np.broadcast_to([0.0, 0.0, 1.0], normals.shape)])
     offsets = np.einsum("ij,ij->i", normals, np.tile(corners[:, 0], (2, 1)))
     level = normals[:, 2] >= smallest_cosine

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
-from lightdepth.reconstruction.behind import surface_behind
 from lightdepth.reconstruction.depth_image import DepthImage, denoised, fill_missing, reduced
 from lightdepth.reconstruction.floor import Plane, find_floor, split_floor, spread_points
 from lightdepth.reconstruction.pose import Pose
+from lightdepth.reconstruction.unseen_background import unseen_background
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
 
@@ -63,7 +63,7 @@ def surfaces_from_depth(
     progress(0.6)
     floor, surfaces = split_roles(mesh, pose, floor_tolerance)
     progress(0.8)
-    behind = surface_behind(depth, pose)
+    behind = unseen_background(depth, pose)
     if len(behind.faces):
         surfaces.append(RealSurface("behind", behind, Role.ENVIRONMENT))
     sky = np.isinf(depth)

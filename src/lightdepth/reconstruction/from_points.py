@@ -16,7 +16,7 @@ from lightdepth.reconstruction.from_depth import Measured, split_roles
 from lightdepth.reconstruction.point_cloud import PointCloud
 from lightdepth.reconstruction.poisson import poisson_surface
 from lightdepth.reconstruction.pose import Pose
-from lightdepth.reconstruction.unseen import continued_planes
+from lightdepth.reconstruction.unmeasured import continued_planes
 
 FloatArray = NDArray[np.float64]
 
@@ -40,7 +40,7 @@ def surfaces_from_points(
 
     Args:
         cloud: world, metres.
-        pose: of the panorama; surfaces face the capture point where the cloud does not tell what they face.
+        pose: of the panorama; surfaces face the capture point where the cloud does not say what they face.
         cell: size of the finest details, metres.
         most_faces: of the surface.
         floor_tolerance: largest distance of a floor point from the floor's plane, metres; ``None`` looks for no floor.

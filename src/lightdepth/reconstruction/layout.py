@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from lightdepth.calibration.clicks import read_clicks
 from lightdepth.errors import InputError
-from lightdepth.reconstruction.place import Place
 from lightdepth.reconstruction.polygon import contains, crossing_sides, signed_area, triangulate
 from lightdepth.reconstruction.pose import Pose, on_level
+from lightdepth.reconstruction.posed_panorama import PosedPanorama
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
 FloatArray = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Clicked:
 
 def surfaces_from_layout(
     clicked: Clicked,
-    place: Place,
+    panorama: PosedPanorama,
     *,
     camera_height: float | None = None,
     ceiling: float | None = None,
@@ -92,7 +92,7 @@ def surfaces_from_layout(
 
     Args:
         clicked: the clicks.
-        place: the panorama and its pose.
+        panorama: the panorama and its pose.
         camera_height: of the capture point above the floor, metres; ``None`` puts the floor at z = 0.
         ceiling: its height above the floor, metres; ``None`` takes it from the clicked corner.
         ground_radius: of a ground disk, metres, instead of a room; ``None`` makes a room.
@@ -104,8 +104,8 @@ def surfaces_from_layout(
     Raises:
         InputError: something was clicked or written wrong.
     """
-    pose = place.pose
-    size = None if angles or place.radiance is None else place.radiance.shape[:2]
+    pose = panorama.pose
+    size = None if angles or panorama.radiance is None else panorama.radiance.shape[:2]
     floor = 0.0 if camera_height is None else float(pose.position[2] - camera_height)
     if pose.position[2] <= floor:
         raise InputError(

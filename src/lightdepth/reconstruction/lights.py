@@ -84,7 +84,7 @@ def strongest_sources(light_depth_map: LightDepthMap, count: int = 10) -> list[S
     """Find the strongest sources.
 
     From the brightest pixel on, a source is grown over neighbours that are nearly as bright and at nearly the same
-    distance: its core, which tells its place and size. The glow around it, as long as it falls off, is counted to it.
+    distance: its core, which gives its position and size. The glow around it, as long as it falls off, is counted to it.
     Then the next one is taken from what is left.
 
     Args:

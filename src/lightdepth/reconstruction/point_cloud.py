@@ -27,7 +27,7 @@ class PointCloud:
     Attributes:
         points: metres, shape (n, 3), float64.
         toward_air: vectors from each point into the open, of any length, shape (n, 3), float64: normals, or the way to
-            the scanner; ``None`` where the file tells neither.
+            the scanner; ``None`` where the file has neither.
     """
 
     points: FloatArray

@@ -1,7 +1,7 @@
 """Closed surfaces from oriented points: screened Poisson reconstruction (Kazhdan and Hoppe, 2013) by PyMeshLab.
 
 PyMeshLab runs in a process of its own: it brings an OpenMP whose threads spin, which on a busy machine costs twenty
-times the work unless it is told so before it is loaded, and a crash in it ends in a message instead of taking the
+times the work unless this is set before it is loaded, and a crash in it ends in a message instead of taking the
 program along.
 """
 

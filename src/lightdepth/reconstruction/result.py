@@ -1,4 +1,4 @@
-"""A finished reconstruction: closed, measured, written, and told about."""
+"""A finished reconstruction: closed, measured, written, and reported."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from lightdepth.images.writing import check_writable
 from lightdepth.reconstruction.check_picture import draw_check_picture
 from lightdepth.reconstruction.coverage import Coverage, enclosing_shell, measure_coverage
 from lightdepth.reconstruction.floor import Plane
-from lightdepth.reconstruction.place import Place
+from lightdepth.reconstruction.posed_panorama import PosedPanorama
 from lightdepth.reconstruction.scene_file import mesh_path, with_surfaces, write_meshes, write_scene
 from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.scene.model import RealSurface
@@ -64,7 +64,7 @@ class Reconstruction:
 
 def closed(
     surfaces: Sequence[RealSurface],
-    place: Place,
+    panorama: PosedPanorama,
     sky: NDArray[np.bool_] | bool,
     floor: Plane | None = None,
     *,
@@ -74,27 +74,29 @@ def closed(
 
     Args:
         surfaces: of the place.
-        place: its panorama's pose.
+        panorama: with its pose.
         sky: what is declared sky: a mask of shape (height, 2 height), everything that meets nothing, or nothing.
         floor: for the report.
         open_from_elsewhere: the surfaces have gaps that the capture point does not see; where nothing is sky, these are
             closed as well.
     """
     surfaces = list(surfaces)
-    before = after = measure_coverage(surfaces, place.pose, sky)
+    before = after = measure_coverage(surfaces, panorama.pose, sky)
     no_sky = not np.any(sky)
     if no_sky and (before.open > 0.0 or open_from_elsewhere):
-        surfaces.append(enclosing_shell(surfaces, place.pose))
-        after = measure_coverage(surfaces, place.pose, sky)
+        surfaces.append(enclosing_shell(surfaces, panorama.pose))
+        after = measure_coverage(surfaces, panorama.pose, sky)
     return Reconstruction(surfaces, before, after, floor)
 
 
-def save(reconstruction: Reconstruction, place: Place, folder: Path, scene: Path | None, picture: Path | None) -> None:
+def save(
+    reconstruction: Reconstruction, panorama: PosedPanorama, folder: Path, scene: Path | None, picture: Path | None
+) -> None:
     """Write the meshes, the scene file's entries and the check picture; nothing, where one of them cannot be made.
 
     Args:
         reconstruction: what to write.
-        place: what it was made for.
+        panorama: that it was made for.
         folder: of the meshes; it is made where it is missing.
         scene: the scene file to put the ``[[real]]`` tables into, or to begin.
         picture: the PNG file of the check picture.
@@ -108,9 +110,9 @@ def save(reconstruction: Reconstruction, place: Place, folder: Path, scene: Path
     content = (
         None
         if scene is None
-        else with_surfaces(scene, place, reconstruction.surfaces, folder, reconstruction.after.sky > 0.0)
+        else with_surfaces(scene, panorama, reconstruction.surfaces, folder, reconstruction.after.sky > 0.0)
     )
-    drawn = None if picture is None else draw_check_picture(place.radiance, reconstruction.surfaces, place.pose)
+    drawn = None if picture is None else draw_check_picture(panorama.radiance, reconstruction.surfaces, panorama.pose)
     write_meshes(reconstruction.surfaces, folder)
     if picture is not None and drawn is not None:
         write_png(picture, drawn)

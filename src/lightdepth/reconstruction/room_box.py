@@ -1,7 +1,7 @@
 """A box fitted to a room's edges in one panorama: the first guess of the walls, without a click.
 
 The box's sides lie along the room's directions. Its twelve edges are laid over the picture and scored by the straight
-edges found along them, and by how evenly the colours on their two sides differ, which also tells a faint edge between
+edges found along them, and by how evenly the colours on their two sides differ, which also reveals a faint edge between
 white walls and a white ceiling. The best box is searched from many starts and refined.
 """
 

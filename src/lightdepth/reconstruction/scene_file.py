@@ -13,7 +13,7 @@ from tomlkit.items import AoT
 from lightdepth.errors import InputError
 from lightdepth.files import exists
 from lightdepth.images.writing import whole_file
-from lightdepth.reconstruction.place import Place
+from lightdepth.reconstruction.posed_panorama import PosedPanorama
 from lightdepth.scene.model import RealSurface, Role
 from lightdepth.toml_file import document_bytes, read_document
 
@@ -39,7 +39,9 @@ def mesh_path(surface: RealSurface, folder: Path) -> Path:
     return folder / f"{surface.name}.ply"
 
 
-def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], folder: Path, sky: bool) -> bytes:
+def with_surfaces(
+    scene: Path, panorama: PosedPanorama, surfaces: Sequence[RealSurface], folder: Path, sky: bool
+) -> bytes:
     """The content of a scene file with a ``[[real]]`` table for each surface; all else stays as the person wrote it.
 
     A table of the same name gets the new mesh and role and loses a placement, for the mesh is in world space. Where the
@@ -47,7 +49,7 @@ def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], fo
 
     Args:
         scene: the scene file; paths in it are relative to its folder.
-        place: what the surfaces were made for.
+        panorama: that the surfaces were made for.
         surfaces: of the place.
         folder: of their meshes.
         sky: declare what the surfaces leave open sky.
@@ -55,7 +57,7 @@ def with_surfaces(scene: Path, place: Place, surfaces: Sequence[RealSurface], fo
     Raises:
         InputError: the file is not a readable TOML file or its ``real`` is no array of tables.
     """
-    document = read_document(scene) if exists(scene) else _new_document(scene, place)
+    document = read_document(scene) if exists(scene) else _new_document(scene, panorama)
     tables = document.get("real")
     if tables is None:
         if not document.as_string().endswith("\n\n"):
@@ -90,15 +92,15 @@ def write_scene(scene: Path, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-def _new_document(scene: Path, place: Place) -> tomlkit.TOMLDocument:
-    if place.image is None:
+def _new_document(scene: Path, panorama: PosedPanorama) -> tomlkit.TOMLDocument:
+    if panorama.image is None:
         raise InputError(f"{scene}: no such file; to begin it, a panorama is needed")
-    panorama = tomlkit.table()
-    panorama["image"] = _relative(place.image, scene)
-    panorama["position"] = [round(float(x), 5) for x in place.pose.position]
-    panorama["rotation"] = [float(x) for x in place.rotation_degrees]
+    table = tomlkit.table()
+    table["image"] = _relative(panorama.image, scene)
+    table["position"] = [round(float(x), 5) for x in panorama.pose.position]
+    table["rotation"] = [float(x) for x in panorama.rotation_degrees]
     document = tomlkit.document()
-    document["panorama"] = panorama
+    document["panorama"] = table
     return document
 
 

@@ -1,4 +1,4 @@
-"""What the surfaces of the place received and mirrored before insertion.
+"""Irradiance of the surfaces of the place before insertion, and the radiance that they mirror.
 
 Equations: docs/theory.md, eq. (5): ``E(p) = integral of M(q(p, w)) cos dw``, which per colour channel and without bias
 takes the part of the paper's scale factor ``ES`` (eq. 7 and 8); and eq. (6b), the same with a specular lobe.
@@ -67,7 +67,7 @@ def estimate_mirrored(
         points: shape (n, 3), world, metres.
         normals: unit, on the side that receives, shape (n, 3), world.
         lobes: the specular lobes that occur.
-        gloss: number of the lobe at each point, 0 for none, shape (n,).
+        gloss: index of the lobe at each point, 0 for none, shape (n,).
         generator: source of randomness.
         samples: of each technique at each point, an even number.
         parameters: how many light samples they share.
@@ -94,7 +94,7 @@ def _estimate(
 ) -> tuple[NDArray[np.float32], float]:
     """Scattered radiance from two independent halves: their mean, and the typical relative error of it."""
     half = samples // 2
-    each = dr.opaque(mi.UInt32, half)  # Not a literal, which would compile anew for every number.
+    each = dr.opaque(mi.UInt32, half)  # Not a literal, with which every count would compile a kernel of its own.
     count = min(parameters.light_samples, parameters.lights_per_sample * samples)
     results = np.zeros((2, len(points), 3))
     for result in results:
@@ -105,8 +105,8 @@ def _estimate(
             owner = lane // each
             normal = dr.gather(mi.Vector3f, mi.Float(aligned(normals[chunk])), owner)
             toward = dr.gather(mi.Vector3f, mi.Float(aligned(outgoing[chunk])), owner)
-            number = dr.gather(mi.UInt32, mi.UInt32(aligned(gloss[chunk], np.uint32)), owner)
-            lobe = SupportScattering(mi.Color3f(albedo), normal, toward, lobes, number, None, mi.Float(0.0))
+            lobe_index = dr.gather(mi.UInt32, mi.UInt32(aligned(gloss[chunk], np.uint32)), owner)
+            lobe = SupportScattering(mi.Color3f(albedo), normal, toward, lobes, lobe_index, None, mi.Float(0.0))
             point = dr.gather(mi.Point3f, mi.Float(aligned(points[chunk])), owner)
             shifts = mi.Float(aligned(generator.random(4 * len(chunk), dtype=np.float32)))
             shift = dr.gather(mi.Vector4f, shifts, owner)
@@ -125,12 +125,12 @@ def _scattered(
     point: mi.Point3f,
     normal: mi.Vector3f,
     lobe: SupportScattering,
-    number: mi.Float,
+    index: mi.Float,
     shift: mi.Vector4f,
     samples: mi.Float,
 ) -> mi.Color3f:
-    """One sample of each technique for sample ``number`` of ``samples``, shifted at random from point to point."""
-    light = lights.sample((number + shift.x) / samples, mi.Bool(True))
+    """One sample of each technique for sample ``index`` of ``samples``, shifted at random from point to point."""
+    light = lights.sample((index + shift.x) / samples, mi.Bool(True))
     direction, distance, pdf_light = place.toward(light, point)
     scattered, pdf = lobe.evaluate(direction)
     useful = (dr.max(scattered) > 0.0) & (pdf_light > 0.0)
@@ -139,7 +139,7 @@ def _scattered(
     value = dr.select(useful, radiance * scattered / (pdf_light + pdf), 0.0)
 
     # A lattice of the golden ratio's kind.
-    steps = mi.Point3f(0.8191725134, 0.6710436067, 0.5497004779) * number + mi.Point3f(shift.y, shift.z, shift.w)
+    steps = mi.Point3f(0.8191725134, 0.6710436067, 0.5497004779) * index + mi.Point3f(shift.y, shift.z, shift.w)
     steps -= dr.floor(steps)
     direction = lobe.sample(steps.x, mi.Point2f(steps.y, steps.z))
     scattered, pdf = lobe.evaluate(direction)

@@ -62,10 +62,10 @@ def estimate_on_mesh(
         deviation = np.zeros(len(edges.ends))
         deviation[candidate] = _deviation(at_middle[candidate], irradiance, edges.ends[candidate], parameters.dark)
         deviation[deviation <= max(tolerance, parameters.noise_tolerance * standard_error)] = 0.0
-        # Every middle that was estimated becomes a vertex; only where one was off, the halves are looked at in turn.
-        unknown = marked & ~candidate
-        if unknown.any():
-            at_middle[unknown], _ = estimate(middles[unknown], normals[unknown])
+        # Every middle that was estimated becomes a vertex; only where one was off, the halves are tested in turn.
+        missing = marked & ~candidate
+        if missing.any():
+            at_middle[missing], _ = estimate(middles[missing], normals[missing])
         error = deviation[edges.of_face].max(axis=1)
         mesh = mesh.halved(edges, lengths, marked)
         irradiance = np.concatenate([irradiance, at_middle[marked]])
@@ -88,7 +88,7 @@ def estimate_again(
 def _candidates(
     edges: Edges, error: NDArray[np.float64], long_enough: NDArray[np.bool_], most: int
 ) -> NDArray[np.bool_]:
-    """Which edges to look at: those of faces that interpolate badly, the worst first where not all can be afforded.
+    """Which edges to test: those of faces that interpolate badly, the worst first where not all can be afforded.
 
     Args:
         edges: of the mesh.

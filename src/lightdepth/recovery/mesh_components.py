@@ -64,8 +64,8 @@ def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int3
     links = [coo_matrix((ones, (merged[:, 0], merged[:, k])), shape=(count, count)) for k in (1, 2)]
     _, piece_of_vertex = connected_components(links[0] + links[1], directed=False)
     piece = piece_of_vertex[merged[:, 0]]
-    turned = np.bincount(piece, weights=facing)[piece] < 0.0
-    return np.where(turned[:, None], faces[:, ::-1], faces).astype(np.int32)
+    flipped = np.bincount(piece, weights=facing)[piece] < 0.0
+    return np.where(flipped[:, None], faces[:, ::-1], faces).astype(np.int32)
 
 
 def with_refined(
@@ -79,9 +79,9 @@ def with_refined(
 
     Args:
         surfaces: all of them.
-        replaced: the faces whose place the refined part takes, shape (m,).
+        replaced: the faces that the refined part replaces, shape (m,).
         part: what was refined.
-        grids: how what is known at the vertices of the refined mesh is laid out.
+        grids: layout of the values at the vertices of the refined mesh.
         irradiance: at these vertices, shape (n, 3).
     """
     mesh = grids.mesh

@@ -25,13 +25,13 @@ class Edges:
 
 
 def find_edges(faces: NDArray[np.int32]) -> Edges:
-    """Number the edges of triangles of shape (m, 3)."""
+    """Index the edges of triangles of shape (m, 3)."""
     pairs = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2).astype(np.int64)
     pairs.sort(axis=1)
-    # One number an edge, which sorts many times faster than pairs do.
+    # One key per edge sorts many times faster than pairs do.
     count = int(faces.max(initial=0)) + 1
-    number, of_face = np.unique(pairs[:, 0] * count + pairs[:, 1], return_inverse=True)
-    return Edges(np.stack([number // count, number % count], axis=1), of_face.reshape(-1, 3))
+    key, of_face = np.unique(pairs[:, 0] * count + pairs[:, 1], return_inverse=True)
+    return Edges(np.stack([key // count, key % count], axis=1), of_face.reshape(-1, 3))
 
 
 def close_marks(edges: Edges, lengths: NDArray[np.float64], marked: NDArray[np.bool_]) -> NDArray[np.bool_]:

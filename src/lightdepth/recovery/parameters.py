@@ -18,30 +18,30 @@ class RecoveryParameters:
         most_vertices: where refinement ends; the faces with the largest error are refined first.
         vertices_a_sample: the same, for each sample of a point: a quick look is not worth a fine mesh.
         shortest_edge: metres; shorter edges are not halved.
-        coarsest_edge: longest edge that is accepted without a look, as a share of the support's diagonal.
+        coarsest_edge: longest edge that is accepted without a test, as a share of the support's diagonal.
         dark: vertices below this share of the median irradiance lie inside something; they take their neighbours' value.
         check_points: points at which the interpolated irradiance is compared with a careful estimate.
         check_samples: samples of that estimate, for each sample at a vertex.
         triangle_cost: nodes that take as much memory, and so time, as a triangle that is traced.
         far_from_best: times the least cost so far beyond which still larger triangles are not tried.
-        unseen_points: points spread over the real surfaces, besides one a face, to find out what is occluded.
-        unseen_share: share of the area below which nothing is done about what is occluded.
-        unseen_rounds: times the light of occluded surfaces is estimated: they light each other.
+        unseen_points: points on the real surfaces, besides one a face, to find what is unseen.
+        unseen_share: share of unseen area below which nothing is recovered.
+        unseen_rounds: how many times the light of unseen surfaces is estimated: they light each other.
         unseen_mesh_samples: samples for finding their mesh; few, which keeps it coarse.
         unseen_tolerance: ``interpolation_tolerance`` of it.
         unseen_samples: samples at each vertex of it, at most.
         unseen_vertex_samples: samples at all its vertices together, at most.
         unseen_fewest_samples: samples at each vertex, at least; many vertices share their noise.
-        unseen_pairs: occluded faces times seen points, at most.
+        unseen_pairs: unseen faces times seen points, at most.
         unseen_fewest_seen: seen points that are used whatever ``unseen_pairs`` says.
         same_plane: metres from a face's plane up to which a point belongs to it.
         parallel: cosine between normals from which on a point belongs to a face's plane.
-        same_plane_weight: how much more such a point tells of the face's albedo.
-        alike: how much less surfaces tell of each other that are not both walls, both floors, or both ceilings.
-        glowing_share: of a face, at least, by which it is known to glow: beside an occluder, the map's pixels mix the two.
-        largest_albedo: what is occluded reflects at most this.
-        smallest_albedo: what is occluded reflects at least this.
-        gloss_points: points on each glossy surface, at which the photograph tells how much the lobe may mirror.
+        same_plane_weight: how much more such a point counts for the face's albedo.
+        alike: how much less surfaces count for each other that are not both walls, both floors, or both ceilings.
+        glowing_share: of a face that must glow at least for it to count as glowing: beside an occluder, pixels mix the two.
+        largest_albedo: of unseen surfaces.
+        smallest_albedo: of unseen surfaces.
+        gloss_points: points on each glossy surface, at which the photograph bounds how much the lobe may mirror.
         gloss_samples: samples of each technique at each of them.
         gloss_broken: share of the seen area at which the lobe may still mirror more: the model of the place is rough.
         mirrored_height: rows of the image of what is mirrored, at most.

@@ -45,8 +45,8 @@ def fit_glosses(
     areas, normals = face_areas(surfaces.vertices, faces), face_normals(surfaces.vertices, faces)
     lobes = SpecularLobes(tuple(replace(gloss, scale=1.0) for gloss in surfaces.glosses))
     fitted = []
-    for number, declared in enumerate(surfaces.glosses, 1):
-        weights = np.where((surfaces.gloss == number) & surfaces.receiving, areas, 0.0)
+    for index, declared in enumerate(surfaces.glosses, 1):
+        weights = np.where((surfaces.gloss == index) & surfaces.receiving, areas, 0.0)
         face = (
             generator.choice(len(faces), parameters.gloss_points, p=weights / weights.sum())
             if weights.any()
@@ -61,7 +61,7 @@ def fit_glosses(
             fitted.append(declared)
             continue
         points, normal, shown = points[seen], normals[face][seen], radiance.numpy().T[seen]
-        gloss = np.full(len(points), number, np.uint32)
+        gloss = np.full(len(points), index, np.uint32)
         mirrored = estimate_mirrored(place, points, normal, lobes, gloss, generator, parameters.gloss_samples)
         irradiance, _ = estimate_irradiance(place, points, normal, generator, parameters.gloss_samples)
         room = (shown / np.maximum(mirrored, 1e-20)).min(axis=1)

@@ -35,7 +35,7 @@ class IrradianceReport:
         vertices: how many vertices carry it.
         mean_error: mean error of the interpolated irradiance at random points of the support, weighted by the share of
             the view that the objects fill there, relative to the mean irradiance of these points: a ratio point by point
-            would be ruled by places under furniture that receive next to nothing.
+            would be dominated by points under furniture that receive next to nothing.
         largest_error: 95th percentile of the error relative to the irradiance of each point.
     """
 
@@ -46,7 +46,7 @@ class IrradianceReport:
 
 @dataclass(frozen=True)
 class IrradianceErrors:
-    """Errors of the interpolated irradiance at points that are spread evenly over the support.
+    """Errors of the interpolated irradiance at points distributed evenly over the support.
 
     Attributes:
         vertices: how many vertices carry the irradiance.
@@ -125,7 +125,7 @@ def _check(
     samples: int,
     parameters: RecoveryParameters,
 ) -> IrradianceErrors:
-    """Compare the interpolated irradiance with a careful estimate at points spread over the support."""
+    """Compare the interpolated irradiance with a careful estimate at random points of the support."""
     points, faces, count = mesh.points, mesh.faces, parameters.check_points
     corners = points[faces].astype(np.float64)
     ends = np.cumsum(face_areas(points, faces))

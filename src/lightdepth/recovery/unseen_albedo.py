@@ -1,4 +1,4 @@
-"""What the capture point does not see: coloured like what it sees of it or near it, lit by the place around it.
+"""Albedo and light of unseen surfaces: coloured like what is seen of them or near them, lit by the place around them.
 
 Theory, section 1, eq. (1b): ``M = rho E / pi`` where the photograph shows something else that stands before a point.
 """
@@ -43,16 +43,16 @@ class SeenPoints:
     radiance: NDArray[np.float32]
 
 
-def recover_hidden(
+def recover_unseen(
     place: Place,
     surfaces: RealSurfaces,
     generator: np.random.Generator,
     samples: int,
     parameters: RecoveryParameters = DEFAULT,
 ) -> tuple[Place, RealSurfaces]:
-    """Give what the capture point does not see an albedo and a first irradiance.
+    """Give unseen surfaces, occluded from the capture point, an albedo and a first irradiance.
 
-    Support gets its final irradiance later, from the place as it is then known. Where next to nothing is hidden,
+    Support gets its final irradiance later, from the place with these values. Where next to nothing is unseen,
     everything stays as it is.
 
     Args:
@@ -63,11 +63,11 @@ def recover_hidden(
         parameters: how carefully.
 
     Returns:
-        The place with its hidden parts, traced with meshes that carry their irradiance; and the real surfaces to go on
-        with, in which hidden environment is refined and carries it, and support is as modelled.
+        The place with its unseen parts, traced with meshes that carry their irradiance; and the real surfaces to go on
+        with, in which unseen environment is refined and carries it, and support is as modelled.
     """
     generator = generator.spawn(1)[0]
-    if not _hides_much(place, surfaces, generator, parameters):
+    if not _much_unseen(place, surfaces, generator, parameters):
         return place, surfaces
     modelled = replace(surfaces, faces=wind_toward_capture(place, surfaces))
     chosen, seen = _look(place, modelled, generator, parameters)
@@ -85,10 +85,10 @@ def recover_hidden(
     )
     grids = lay_out(mesh, parameters)
     place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, grids, irradiance)))
-    number, likeness = np.flatnonzero(chosen), _likeness(part, seen, parameters)
+    index, likeness = np.flatnonzero(chosen), _likeness(part, seen, parameters)
     for _ in range(parameters.unseen_rounds):
         at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples, parameters)
-        part = replace(part, unseen_albedo=_albedo(part, number, likeness, seen, at_seen, parameters))
+        part = replace(part, unseen_albedo=_albedo(part, index, likeness, seen, at_seen, parameters))
         place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
         irradiance = estimate_again(place, mesh, generator, samples, parameters)
     place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
@@ -101,24 +101,24 @@ def recover_hidden(
     return place, with_refined(modelled, chosen & environment, part, grids, irradiance)
 
 
-def _hides_much(
+def _much_unseen(
     place: Place, surfaces: RealSurfaces, generator: np.random.Generator, parameters: RecoveryParameters
 ) -> bool:
-    """Whether so much is hidden that it is worth a closer look, told from a few points: scans have millions of faces."""
+    """Whether enough is unseen to recover it, estimated from a few points: scans have millions of faces."""
     areas = face_areas(surfaces.vertices, surfaces.faces)
     if not areas.any():
         return False
-    points, normals, _ = _spread(
+    points, normals, _ = _random_points(
         surfaces, generator.multinomial(parameters.unseen_points, areas / areas.sum()), generator
     )
-    _, hidden, _ = place.photograph.sight(_vectors(points), _vectors(normals))
-    return float(hidden.numpy().mean()) > parameters.unseen_share
+    _, unseen, _ = place.photograph.sight(_vectors(points), _vectors(normals))
+    return float(unseen.numpy().mean()) > parameters.unseen_share
 
 
 def _look(
     place: Place, surfaces: RealSurfaces, generator: np.random.Generator, parameters: RecoveryParameters
 ) -> tuple[NDArray[np.bool_], SeenPoints]:
-    """Which faces have hidden parts, shape (m,), and points of what is seen.
+    """Which faces have unseen parts, shape (m,), and points of what is seen.
 
     Args:
         place: the place before insertion.
@@ -128,10 +128,10 @@ def _look(
     """
     areas = face_areas(surfaces.vertices, surfaces.faces)
     counts = 1 + (parameters.unseen_points * areas / areas.sum()).astype(np.int64)
-    points, normals, face = _spread(surfaces, counts, generator)
-    sees, hides, radiance = place.photograph.sight(_vectors(points), _vectors(normals))
-    hidden = hides.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
-    chosen = np.bincount(face[hidden], minlength=len(areas)) > 0
+    points, normals, face = _random_points(surfaces, counts, generator)
+    sees, occluded, radiance = place.photograph.sight(_vectors(points), _vectors(normals))
+    unseen = occluded.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
+    chosen = np.bincount(face[unseen], minlength=len(areas)) > 0
     front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
     kept = np.flatnonzero(sees.numpy() & front)
     most = max(parameters.unseen_fewest_seen, parameters.unseen_pairs // max(int(chosen.sum()), 1))
@@ -141,10 +141,10 @@ def _look(
     return chosen, SeenPoints(points[kept], normals[kept], face[kept], area, radiance.numpy().T[kept])
 
 
-def _spread(
+def _random_points(
     surfaces: RealSurfaces, counts: NDArray[np.int64], generator: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int64]]:
-    """Random points on faces, ``counts`` of them on each: points and normals of shape (n, 3), and numbers of the faces."""
+    """Random points on faces, ``counts`` of them on each: points and normals of shape (n, 3), and indices of the faces."""
     face = np.repeat(np.arange(len(counts)), counts)
     weights = generator.dirichlet((1.0, 1.0, 1.0), len(face)).astype(np.float32)
     points = np.einsum("nk,nkx->nx", weights, surfaces.vertices[surfaces.faces[face]])
@@ -152,12 +152,12 @@ def _spread(
 
 
 def _likeness(part: RealSurfaces, seen: SeenPoints, parameters: RecoveryParameters) -> NDArray[np.float32]:
-    """How much each seen point tells of the colour of each face, shape (m, n).
+    """How much each seen point counts for the colour of each face, shape (m, n).
 
-    Most of all what lies in the same plane, then what faces up or down as much; and the nearest before all.
+    Points in the same plane count most, then those that face up or down as much; near ones count most of all.
 
     Args:
-        part: the faces with hidden parts.
+        part: the faces with unseen parts.
         seen: what the capture point sees.
         parameters: what counts as the same plane, and how much.
     """
@@ -173,30 +173,30 @@ def _likeness(part: RealSurfaces, seen: SeenPoints, parameters: RecoveryParamete
 
 def _albedo(
     part: RealSurfaces,
-    number: NDArray[np.int64],
+    index: NDArray[np.int64],
     likeness: NDArray[np.float32],
     seen: SeenPoints,
     irradiance: NDArray[np.float32],
     parameters: RecoveryParameters,
 ) -> NDArray[np.float32]:
-    """What faces reflect where they are hidden, shape (m, 3), eq. (1b); 0 where their own seen part glows.
+    """Albedo of faces where they are unseen, shape (m, 3), eq. (1b); 0 where their own seen part glows.
 
     Args:
-        part: the faces with hidden parts.
-        number: of these among all, shape (m,).
+        part: the faces with unseen parts.
+        index: of these among all, shape (m,).
         likeness: from :func:`_likeness`.
         seen: what the capture point sees.
         irradiance: at these points, shape (n, 3).
         parameters: bounds, and what counts as glowing.
     """
     glows = (np.pi * seen.radiance > GLOWING * irradiance).any(axis=1)
-    total = int(max(number.max(), seen.face.max())) + 1
-    matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[number] for mask in (~glows, glows))
+    total = int(max(index.max(), seen.face.max())) + 1
+    matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[index] for mask in (~glows, glows))
     lamp = glowing > np.maximum(matt, parameters.glowing_share * face_areas(part.vertices, part.faces))
     sent, received = likeness[:, ~glows] @ seen.radiance[~glows], likeness[:, ~glows] @ irradiance[~glows]
     albedo = np.clip(np.pi * sent / np.maximum(received, 1e-30), parameters.smallest_albedo, parameters.largest_albedo)
-    unknown = lamp | (received.max(axis=1) <= 0.0)
-    return np.where(unknown[:, None], 0.0, albedo).astype(np.float32)
+    undecided = lamp | (received.max(axis=1) <= 0.0)
+    return np.where(undecided[:, None], 0.0, albedo).astype(np.float32)
 
 
 def _with_values(place: Place, surfaces: RealSurfaces) -> Place:

@@ -130,8 +130,8 @@ def _interpolation(
     low = steps.min(axis=1)
     columns, rows = (steps.max(axis=1) - low + 1).T
     face = np.repeat(np.arange(len(steps)), columns * rows)
-    number = np.arange(len(face)) - np.repeat(np.cumsum(columns * rows) - columns * rows, columns * rows)
-    x, y = low[face, 0] + number % columns[face], low[face, 1] + number // columns[face]
+    index = np.arange(len(face)) - np.repeat(np.cumsum(columns * rows) - columns * rows, columns * rows)
+    x, y = low[face, 0] + index % columns[face], low[face, 1] + index // columns[face]
     corner = steps[face]
     weights = np.stack([_doubled_area(corner[:, k - 2], corner[:, k - 1], x, y) for k in range(3)], axis=1)
     whole = weights.sum(axis=1)

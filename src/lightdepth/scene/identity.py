@@ -68,15 +68,15 @@ def _bytes(array: NDArray) -> memoryview:
 
 def _array_digest(array: NDArray) -> bytes:
     """Digest of an array's numbers, computed once for each array in memory: scenes that differ in little share many."""
-    number = id(array)
-    if number not in _arrays:
-        _arrays[number] = hashlib.sha256(_bytes(array)).digest()
-        finalize(array, _arrays.pop, number, None)
-    return _arrays[number]
+    key = id(array)
+    if key not in _arrays:
+        _arrays[key] = hashlib.sha256(_bytes(array)).digest()
+        finalize(array, _arrays.pop, key, None)
+    return _arrays[key]
 
 
 def _chunks(value: Any) -> Iterator[bytes | memoryview]:
-    """The value as bytes from which it could be told from every other one."""
+    """The value as bytes that distinguish it from every other one."""
     yield f"<{type(value).__name__}".encode()
     if isinstance(value, np.ndarray):
         yield f"{value.dtype.str}{value.shape}".encode()

@@ -17,7 +17,7 @@ from lightdepth.scene.toml_lines import TomlLines
 
 LONGEST = 100
 """Letters of what a user wrote that a message repeats."""
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """Keys and positions from the file's top inward, as pydantic counts them."""
 
 
@@ -35,53 +35,53 @@ class Problems:
         """All problems in the order of the file, one line each."""
         return tuple(message for _, message in sorted(self._messages, key=lambda m: m[0]))
 
-    def add(self, place: Place, message: str, key: str | None = None) -> None:
-        """Note a problem at a place of the file, which may stand on the line of a further key there."""
-        table, position, keys, title = _split(place, self._document)
+    def add(self, path: KeyPath, message: str, key: str | None = None) -> None:
+        """Note a problem at a key path of the file, which may stand on the line of a further key there."""
+        table, position, keys, title = _split(path, self._document)
         line = self._lines.line_of(table, position, keys if key is None else (*keys, key))
         where = [str(self._path) + (f":{line}" if line else ""), *([title] if title else []), *keys]
         self._messages.append((line or 0, ": ".join([*where, message])))
 
     @contextmanager
-    def noting(self, place: Place) -> Iterator[None]:
-        """What is read in here and raises an ``InputError`` is a problem at a place of the file, and no more."""
+    def noting(self, path: KeyPath) -> Iterator[None]:
+        """What is read in here and raises an ``InputError`` is a problem at a key path of the file, and no more."""
         try:
             yield
         except InputError as error:
-            self.add(place, str(error))
+            self.add(path, str(error))
 
     def add_all(self, error: ValidationError, model: type[BaseModel]) -> None:
         """Note every problem that pydantic found while it validated ``model``."""
         for details in error.errors(include_url=False):
-            place, expected = _without_tags(details["loc"], model)
+            path, expected = _without_tags(details["loc"], model)
             message = _message(details, expected)
-            if details["type"] in ("extra_forbidden", "missing") and isinstance(place[-1], str):
-                self.add(place[:-1], message, str(place[-1]))
+            if details["type"] in ("extra_forbidden", "missing") and isinstance(path[-1], str):
+                self.add(path[:-1], message, str(path[-1]))
             else:
-                self.add(place, message)
+                self.add(path, message)
 
 
-def _split(place: Place, document: Mapping[str, Any]) -> tuple[str, int, tuple[str, ...], str]:
+def _split(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, int, tuple[str, ...], str]:
     """Table name, position in an array of tables, keys within the table, and the table's title for a message."""
-    if not place:
+    if not path:
         return "", 0, (), ""
-    first, rest = str(place[0]), place[1:]
+    first, rest = str(path[0]), path[1:]
     if first in ("real", "light", "synthetic") and rest and isinstance(rest[0], int):
-        number = rest[0]
-        entry = document[first][number]
+        index = rest[0]
+        entry = document[first][index]
         name = entry.get("name") if isinstance(entry, dict) else None
-        title = f"[[{first}]] {number + 1}" + (f' ("{name}")' if isinstance(name, str) else "")
-        return first, number, _keys(rest[1:]), title
+        title = f"[[{first}]] {index + 1}" + (f' ("{name}")' if isinstance(name, str) else "")
+        return first, index, _keys(rest[1:]), title
     if first == "camera" and rest:
         return f"camera.{rest[0]}", 0, _keys(rest[1:]), f"[camera.{rest[0]}]"
     if isinstance(document.get(first), dict):
         return first, 0, _keys(rest), f"[{first}]"
-    return "", 0, _keys(place), ""
+    return "", 0, _keys(path), ""
 
 
-def _keys(place: Place) -> tuple[str, ...]:
-    """The named keys of a place; positions in lists of numbers say little and are left out."""
-    return tuple(str(piece) for piece in place if isinstance(piece, str))
+def _keys(path: KeyPath) -> tuple[str, ...]:
+    """The named keys of a path; positions in lists of numbers say little and are left out."""
+    return tuple(str(piece) for piece in path if isinstance(piece, str))
 
 
 _PLAIN_WORDS = {
@@ -152,14 +152,14 @@ def nearest(word: str, known: Iterable[str]) -> str:
     return f"{hint} allowed: {', '.join(known)}"
 
 
-def _without_tags(place: Sequence[str | int], model: type[BaseModel]) -> tuple[Place, Any]:
+def _without_tags(path: Sequence[str | int], model: type[BaseModel]) -> tuple[KeyPath, Any]:
     """Pydantic's location without the union arms that it names, and the type that is expected there.
 
     Where the last piece is a key that the model does not know, or one that is missing, the type is the model.
     """
     expected: Any = model
     kept: list[str | int] = []
-    for piece in place:
+    for piece in path:
         arm = _arm(expected, piece)
         if arm is not None:
             expected = arm

@@ -121,12 +121,12 @@ class UnitShapeObject(OnSpot, Placed):
     """``[[synthetic]]`` with another shape of unit size: Mitsuba's, from -1 to 1; the cylinder from z = 0 to 1."""
 
     name: Name
-    shape: Literal["sphere", "cube", "rectangle", "disk", "cylinder"]  # Spheres are told apart before; for messages.
+    shape: Literal["sphere", "cube", "rectangle", "disk", "cylinder"]  # Spheres are recognised before; for messages.
     material: MaterialSettings
 
 
 def _kind_of_object(table: Any) -> str | None:
-    """Which of the three kinds of ``[[synthetic]]`` a table means; ``None`` if that cannot be told."""
+    """Which of the three kinds of ``[[synthetic]]`` a table means; ``None`` if that is not clear."""
     if not isinstance(table, dict) or ("mesh" in table) == ("shape" in table):
         return None
     if "mesh" in table:

@@ -1,4 +1,4 @@
-"""Line numbers of a TOML file's tables and keys, for messages; Python's own parser does not tell them."""
+"""Line numbers of a TOML file's tables and keys, for messages; Python's own parser does not report them."""
 
 from __future__ import annotations
 

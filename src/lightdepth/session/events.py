@@ -33,7 +33,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Hello(Event):
-    """The first event of a process: who speaks.
+    """The first event of a process: its versions.
 
     Attributes:
         version: of lightdepth.
@@ -84,7 +84,7 @@ class Picture(Event):
 
 @dataclass(frozen=True)
 class Caution(Event):
-    """Something will make the picture wrong in places, or did not work that the picture can do without."""
+    """The picture will be wrong in places, or something failed that it can do without."""
 
     kind: ClassVar[str] = "warning"
     message: str
@@ -92,7 +92,7 @@ class Caution(Event):
 
 @dataclass(frozen=True)
 class Failure(Event):
-    """The work cannot be done; nothing more comes of it.
+    """The work has failed; no further events follow.
 
     Attributes:
         message: the reason, for a person.

@@ -1,4 +1,4 @@
-"""The life of a rendering: started, watched, paused, changed, given more samples, cancelled."""
+"""The life of a rendering: start, events, pause, reset, more samples, cancel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lightdepth.api import DEFAULT_METHOD, begin_rendering, forget_prepared
 from lightdepth.cancellation import Cancelled, cancellable
 from lightdepth.errors import InputError, LightdepthError
 from lightdepth.film.checkpoint import remove_checkpoint, write_checkpoint
-from lightdepth.film.checkpoint import resume as go_on
+from lightdepth.film.checkpoint import resume as resume_from
 from lightdepth.film.sums import PixelSums, Share
 from lightdepth.kernel.start import Device
 from lightdepth.packages import require_package
@@ -74,15 +74,15 @@ class Job:
 
 
 class Session:
-    """Renders one scene at a time, here or in a thread of its own, and reports how it goes.
+    """Renders one scene at a time, here or in a thread of its own, and reports events.
 
     The methods may be called from any thread. Listeners and displays are called from the one that renders.
 
     Args:
         scene: what to render.
         device: ``auto``, ``cpu`` or ``cuda``.
-        keep: keep what was rendered and prepared, so that :meth:`set_samples` can go on from there; else the memory is
-            given back before the finished picture is denoised and shown.
+        keep: keep what was rendered and prepared, so that :meth:`set_samples` can continue from there; else the memory is
+            freed before the finished picture is denoised and shown.
     """
 
     def __init__(self, scene: Scene, device: Device = "auto", keep: bool = True) -> None:
@@ -97,7 +97,7 @@ class Session:
         self._rendering: Rendering | None = None
         self._thread: threading.Thread | None = None
 
-    # -- Who watches --------------------------------------------------------------------------------------------
+    # -- Listeners and displays ---------------------------------------------------------------------------------
 
     def on(self, listener: Callable[[Event], None]) -> None:
         """Report every event to ``listener``."""
@@ -113,7 +113,7 @@ class Session:
         for listener in self._listeners:
             listener(event)
 
-    # -- Steering -----------------------------------------------------------------------------------------------
+    # -- Control ------------------------------------------------------------------------------------------------
 
     @property
     def running(self) -> bool:
@@ -121,9 +121,9 @@ class Session:
         return self._thread is not None and self._thread.is_alive()
 
     def start(self, job: Job) -> None:
-        """Begin to render in a thread; one that is at work is given up before.
+        """Begin to render in a thread; one that is at work is cancelled first.
 
-        What goes wrong is reported as a :class:`~lightdepth.session.events.Failure`.
+        Errors are reported as a :class:`~lightdepth.session.events.Failure`.
         """
         self._end_thread()
         if replace(job, samples=None, noise=None) != replace(self._job, samples=None, noise=None):
@@ -132,12 +132,12 @@ class Session:
         self._begin_thread()
 
     def pause(self) -> None:
-        """Stop after the pass that is being made, until :meth:`resume`."""
+        """Stop after the current pass, until :meth:`resume`."""
         with self._changed:
             self._paused = True
 
     def resume(self) -> None:
-        """Go on after :meth:`pause`."""
+        """Continue after :meth:`pause`."""
         with self._changed:
             self._paused = False
             self._changed.notify_all()
@@ -149,13 +149,13 @@ class Session:
             self._changed.notify_all()
 
     def reset(self, scene: Scene) -> None:
-        """Give up what is being rendered and begin the same with a changed scene."""
+        """Cancel the rendering and begin the same with a changed scene."""
         self._end_thread()
         self._scene, self._rendering = scene, None
         self._begin_thread()
 
     def set_samples(self, samples: int) -> None:
-        """Change how many samples per pixel are wanted; those that were taken count.
+        """Change how many samples per pixel are wanted; those already taken count.
 
         Raises:
             InputError: ``samples`` is out of range.
@@ -181,7 +181,7 @@ class Session:
         self._thread.start()
 
     def _end_thread(self) -> None:
-        """Give up what is being rendered, without a picture of it."""
+        """Cancel the rendering, without a picture of it."""
         if self.running:
             self._discarded = True
             self.cancel()
@@ -229,7 +229,7 @@ class Session:
 
     def _render(self) -> Done:
         job = self._job
-        if job.denoise:  # Not first found out when all is rendered.
+        if job.denoise:  # Before the work, not after it.
             require_package("mitsuba_oidn", "denoise")
         try:
             rendering = self._rendering or self._prepared(job)
@@ -287,7 +287,7 @@ class Session:
             rendering.adopt(job.merged)
         if job.checkpoint is not None and job.checkpoint.exists():
             if job.resume:
-                go_on(job.checkpoint, rendering)
+                resume_from(job.checkpoint, rendering)
                 LOGGER.info("resumed checkpoint=%s", job.checkpoint)
             else:
                 self._report(

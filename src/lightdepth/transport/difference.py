@@ -2,9 +2,9 @@
 
 Theory, eq. (3) and (4): a camera ray that meets a support surface at ``q`` carries ``M(q) + D(q)``. ``M(q)`` is the
 photograph and is left to the film; this integrator estimates ``D``, and the radiance of synthetic surfaces, which is
-ordinary path tracing in a place whose surfaces send ``M(q) + D(q)``. One bit of state tells the two apart:
-``difference``, set where the last scattering happened on a support surface. It is the paper's ``pt`` (algorithm 1)
-turned round.
+ordinary path tracing in a place whose surfaces send ``M(q) + D(q)``. One bit of state distinguishes the two:
+``difference``, set where the last scattering happened on a support surface. It is the paper's ``pt`` (algorithm 1),
+inverted.
 """
 
 from __future__ import annotations
@@ -32,14 +32,15 @@ from lightdepth.transport.radiance_cache import NO_CELL, RadianceCache
 from lightdepth.transport.sampler import Sampler
 
 CANDIDATES = 8
-"""Light samples looked at for each shadow ray; one is kept, in proportion to the light that would arrive."""
+"""RIS candidates for each shadow ray; one is kept, in proportion to the light that would arrive unoccluded."""
 ROULETTE_DEPTH = 3
-"""Scatterings before paths are ended by the light that they still carry."""
+"""Scatterings before Russian roulette by throughput begins."""
 LARGEST_SURVIVAL = 0.99
-WIDTH = 1.0
-"""Smallest footprint of a path, relative to a cell's area, where the cell's mean is used."""
-WANDERING_GAIN, SMALLEST_REACH = 6.0, 0.75
-"""A path on support surfaces goes on with this many times the share of the hemisphere that objects fill."""
+SMALLEST_FOOTPRINT = 1.0
+"""Of a path, relative to a cache cell's area, where the cell's mean is used."""
+ROULETTE_GAIN, SMALLEST_REACH = 6.0, 0.75
+"""Between support surfaces, a path survives Russian roulette in proportion to the share of the hemisphere that objects
+fill: the factor on that share, and the smallest survival probability that comes of it."""
 
 
 @dataclass
@@ -48,8 +49,8 @@ class LastScattering:
 
     Attributes:
         point: where it was, world, metres.
-        pdf: density with which its direction was drawn, per steradian; 0 where light sampling could not draw it.
-        weight_samples: for how many samples of the map's light there multiple importance sampling took them.
+        pdf: of its direction, per steradian; 0 where light sampling could not draw it.
+        weight_samples: how many light samples of the map the one there counts as in MIS.
     """
 
     point: mi.Point3f
@@ -65,7 +66,7 @@ class Vertex:
         point: world, metres.
         normal: geometric, unit, world, on either side.
         si: Mitsuba's description of synthetic surfaces.
-        material: its number, of synthetic surfaces.
+        material: its index, of synthetic surfaces.
         support: scattering of support surfaces.
         on_synthetic: which points are synthetic.
         on_support: which are on support, relit or not.
@@ -89,8 +90,8 @@ class DifferencePath(Path):
     Attributes:
         difference: which scattered last on a support surface.
         last: their last scattering.
-        smallest_pdf: the smallest density with which a scattering so far drew its direction, per steradian, of those that
-            have one; infinite before the first.
+        smallest_pdf: smallest pdf of a scattered direction along the path, per steradian, delta lobes apart; infinite
+            before the first. It gives the footprint.
     """
 
     difference: mi.Bool
@@ -107,9 +108,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         bounds: the objects' bounds, or ``None`` without objects.
         max_bounces: scatterings after which a path ends; negative for no limit.
         glosses: the specular lobes that support surfaces may have.
-        clamp_indirect: largest value that light of two or more bounces may add to a sample, or ``None``. Paths from the
-            light are spread over many pixels and need no such bound.
-        lit: bounds of the objects that paths from the light are aimed at, or ``None`` for no such paths; there are none
+        clamp_indirect: largest value that light of two or more bounces may add to a sample, against fireflies, or
+            ``None``. Splats of light tracing need no such bound.
+        targets: bounds of the objects that light paths are sent toward, or ``None`` for no light tracing; there is none
             either where materials have holes.
     """
 
@@ -121,7 +122,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         max_bounces: int = 8,
         glosses: Sequence[Gloss] = (),
         clamp_indirect: float | None = None,
-        lit: ObjectBounds | None = None,
+        targets: ObjectBounds | None = None,
     ) -> None:
         super().__init__(place, surfaces, bounds, max_bounces)
         self.lobes = SpecularLobes(glosses)
@@ -130,9 +131,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.has_support = FaceKind.SUPPORT in surfaces.kinds
         # Light samples are shared between the map and synthetic emitters.
         self.map_share = 0.5 if self.has_emitters else 1.0
-        if bounds and lit and self.has_support and not surfaces.materials.have_holes:
+        if bounds and targets and self.has_support and not surfaces.materials.have_holes:
             self.light_tracer = LightTracer(
-                place, surfaces, bounds, lit, self.lobes, self.max_bounces, self.map_share * CANDIDATES
+                place, surfaces, bounds, targets, self.lobes, self.max_bounces, self.map_share * CANDIDATES
             )
 
     def new_cache(self) -> RadianceCache | None:
@@ -178,15 +179,15 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         outside = dr.dot(hit.normal, ray.d) < 0.0
         on_support = on_real & self.surfaces.receives(hit) & outside
         materials = self.surfaces.materials
-        material = materials.number(si, on_synthetic)
+        material = materials.index(si, on_synthetic)
         scatters = depth < self.max_bounces
         active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(material, on_synthetic))
         rho, specular_scale = self._reflectance(hit, active & on_support)
         if cache is not None:
-            known, mean, begins, here = self._remembered(cache, path, hit, active & on_support)
-            radiance += dr.select(known, throughput * rho * mean, 0.0)
-            active &= ~known
-            # What a path learns is all that it finds from here on, were the support white.
+            cached, mean, begins, here = self._cached(cache, path, hit, active & on_support)
+            radiance += dr.select(cached, throughput * rho * mean, 0.0)
+            active &= ~cached
+            # The record of a training path is all that it finds from here on, as if the support were white.
             cell = dr.select(begins, here, cell)
             radiance, throughput = dr.select(begins, 0.0, radiance), dr.select(begins, 1.0, throughput)
             rho = dr.select(begins, 1.0, rho)
@@ -197,25 +198,26 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         if bounds is not None:
             cones = bounds.cones(point)
 
-        # Roulette: by the light still carried, and on support by what could still be met.
-        wandering = on_support & ~on_relit & ~first
+        # Russian roulette: by throughput, and between support surfaces by the chance to meet an object.
+        between_support = on_support & ~on_relit & ~first
         carried = dr.max(throughput)
         if cones is not None:
-            reach = dr.clip(WANDERING_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_REACH, 1.0)
-            carried *= dr.select(wandering, reach, 1.0)
-        weighed = wandering | (depth >= ROULETTE_DEPTH)
-        survival = dr.select(weighed, dr.clip(carried, 0.0, LARGEST_SURVIVAL), 1.0)
+            reach = dr.clip(ROULETTE_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_REACH, 1.0)
+            carried *= dr.select(between_support, reach, 1.0)
+        roulette = between_support | (depth >= ROULETTE_DEPTH)
+        survival = dr.select(roulette, dr.clip(carried, 0.0, LARGEST_SURVIVAL), 1.0)
         active &= sampler.next_1d(active) < survival
         throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
         in_difference = active & on_support & ~on_relit
-        # A ray that is not aimed carries more for it: what is heavy already is aimed less, lest weights multiply.
-        aim = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
-        support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, aim, specular_scale)
+        # Object-directed sampling makes the other directions heavier: paths of high throughput use it less, so that
+        # weights do not multiply.
+        directed = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
+        support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, directed, specular_scale)
         vertex = Vertex(point, normal, si, material, support, active & on_synthetic, active & on_support, in_difference)
 
-        # Light sampling, section 2. In a difference, what decides is whether the one shadow ray is blocked, so
-        # that its candidates weigh no more than one sample.
+        # Light sampling, section 2. In difference mode the result depends on whether the one shadow ray is blocked, so
+        # its candidates count as one sample.
         weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
         radiance += throughput * self._direct(
             sampler, lights, context, vertex, active & scatters, first, weight_samples, path
@@ -230,15 +232,15 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         throughput *= dr.select(vertex.on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
         pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
         pdf = dr.select(vertex.on_support, support_pdf, pdf)
-        # Light paths come by way of objects alone to what the camera sees.
+        # Light tracing reaches what the camera sees by way of objects alone.
         pdf_ratio = dr.select(vertex.on_synthetic & ~first, path.pdf_ratio, 0.0)
         if self.light_tracer is not None:
             distance = dr.select(on_synthetic, si.t, hit.distance)
             cosines = dr.dot(normal, ray.d), dr.dot(normal, direction)
-            begun = self.light_tracer.pdf_ratio_at_first(path.pdf_ratio, distance, *cosines, pdf)
-            pdf_ratio = dr.select(first & (in_difference | (vertex.on_synthetic & (pdf > 0.0))), begun, pdf_ratio)
+            at_first = self.light_tracer.pdf_ratio_at_first(path.pdf_ratio, distance, *cosines, pdf)
+            pdf_ratio = dr.select(first & (in_difference | (vertex.on_synthetic & (pdf > 0.0))), at_first, pdf_ratio)
 
-        # Passing through a mask's hole is no scattering: what was known of the last one stays.
+        # Passing through a mask's hole is no scattering: the last one stays as it is.
         through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
         last.point = dr.select(through, last.point, point)
         last.pdf = dr.select(through, last.pdf, pdf)
@@ -268,14 +270,14 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         )
 
     def direct_from(self, ray: mi.Ray3f, lights: LightList, u: mi.Float, active: mi.Bool) -> mi.Color3f:
-        """What single light samples contribute where rays first meet something, were each the only one of its list.
+        """Contribution of single light samples at the first hit of rays, as if each were the only one of its list.
 
-        The mean over a list is what the light sampling of many paths along the ray tends to.
+        Its mean over a list is the expectation of light sampling along the ray.
 
         Args:
             ray: camera rays, world.
             lights: light samples of the map.
-            u: uniform numbers that pick them.
+            u: uniform random numbers that pick them.
             active: where it is wanted.
         """
         found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
@@ -288,13 +290,13 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         rho, specular_scale = self._reflectance(hit, on_support)
         point = dr.select(on_synthetic, si.p, hit.point)
         cones = self.bounds.cones(point) if self.has_support and self.bounds is not None else None
-        aim = dr.select(in_difference, mi.Float(1.0), 0.0)
-        support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, aim, specular_scale)
+        directed = dr.select(in_difference, mi.Float(1.0), 0.0)
+        support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, directed, specular_scale)
         vertex = Vertex(
             point,
             dr.select(on_synthetic, si.n, hit.normal),
             si,
-            self.surfaces.materials.number(si, on_synthetic),
+            self.surfaces.materials.index(si, on_synthetic),
             support,
             on_synthetic,
             on_support,
@@ -316,7 +318,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         ray: mi.Ray3f,
         hit: RealHit,
         blocked: mi.Bool,
-        hidden: mi.Bool,
+        look_behind: mi.Bool,
         arrived: mi.Bool,
         path: DifferencePath,
     ) -> mi.Color3f:
@@ -326,13 +328,13 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             ray: the rays that met ``hit`` or something before it.
             hit: real surfaces met.
             blocked: a new surface was met in difference mode.
-            hidden: ``blocked`` by a surface behind which ``q`` must still be found.
+            look_behind: ``blocked`` by a surface behind which ``q`` is still to be found.
             arrived: a real surface or the sky was met otherwise.
-            path: which come so far.
+            path: the paths up to there.
         """
         last = path.last
         if not self.place.infinite and self.surfaces.has_real and self.surfaces.has_synthetic:
-            hit = select_hit(hidden, self.surfaces.first_real(ray, hidden), hit)
+            hit = select_hit(look_behind, self.surfaces.first_real(ray, look_behind), hit)
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
         values = []
@@ -340,7 +342,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
             if self.light_tracer is not None:
                 light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
-                # What came straight from the object that the camera sees has met no other.
+                # Light tracing needs a vertex between the light and what the camera sees.
                 pdf_ratio = dr.select(path.depth > 1, path.pdf_ratio, 0.0)
                 weight = self.light_tracer.camera_weight(
                     pdf_ratio, light, finite, pdf, distance, last.point, ray.d, last.pdf
@@ -350,30 +352,30 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         total = reduce(operator.add, values)
         return dr.select(wanted, dr.select(blocked, -total, total), 0.0)
 
-    def _remembered(
+    def _cached(
         self, cache: RadianceCache, path: DifferencePath, hit: RealHit, on_support: mi.Bool
     ) -> tuple[mi.Bool, mi.Color3f, mi.Bool, mi.UInt64]:
-        """Where paths may end in a cell, or begin to learn about it: on plain support that they meet from a wide angle.
+        """Where paths end in the radiance cache, or begin a record for it: on plain support, with a large footprint.
 
         There the mean over the cell is as good as the point that happens to be met.
 
         Args:
-            cache: the cells.
-            path: which arrive.
+            cache: the radiance cache.
+            path: the paths that arrive.
             hit: what they meet.
             on_support: which of the active ones meet support.
 
         Returns:
-            Which end, the mean for these, which begin to learn, and the cells of all.
+            Which end, the mean for these, which begin a record, and the cells of all.
         """
         here, edge = cache.cell(hit.point, hit.normal)
         cosine = dr.maximum(-dr.dot(hit.normal, path.ray.d), 1e-3)
         footprint = dr.square(hit.distance) / (path.smallest_pdf * cosine)
-        wide = ~path.first & (footprint > WIDTH * dr.square(edge))
+        wide = ~path.first & (footprint > SMALLEST_FOOTPRINT * dr.square(edge))
         eligible = on_support & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0) & wide
-        asks = cache.learning & (path.cell == NO_CELL)
-        known, mean = cache.look_up(here, eligible & ~asks)
-        return known, mean, eligible & asks, here
+        trains = cache.training & (path.cell == NO_CELL)
+        cached, mean = cache.look_up(here, eligible & ~trains)
+        return cached, mean, eligible & trains, here
 
     def _emission(
         self,
@@ -425,19 +427,19 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             vertex: where the paths are.
             active: which of them take a sample.
             first: which of them are at their first vertex.
-            weight_samples: for how many samples of the map's light multiple importance sampling takes them.
-            path: which come so far.
+            weight_samples: how many light samples of the map the one taken counts as in MIS.
+            path: the paths up to there.
         """
-        choice = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
+        u = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
         from_map = mi.Bool(True)
         if self.has_emitters:
-            from_map = choice < self.map_share
-            choice = dr.select(from_map, choice / self.map_share, choice)
-        chance = dr.select(first, sampler.stratified("candidate")[0], sampler.next_1d(active))
-        choice, gain = self._most_useful(lights, context, vertex, active & from_map, choice, chance, weight_samples)
-        light = lights.sample(choice, active & from_map)
+            from_map = u < self.map_share
+            u = dr.select(from_map, u / self.map_share, u)
+        u_select = dr.select(first, sampler.stratified("candidate")[0], sampler.next_1d(active))
+        u, gain = self._resampled(lights, context, vertex, active & from_map, u, u_select, weight_samples)
+        light = lights.sample(u, active & from_map)
         direction, distance, map_pdf = self.place.toward(light, vertex.point)
-        weighed, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * CANDIDATES)
+        mis_pdf, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * CANDIDATES)
         radiance = light.radiance * gain * self.place.transmittance(light, vertex.point)
         if self.has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
@@ -447,11 +449,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             direction = dr.select(from_map, direction, sampled.d)
             distance = dr.select(from_map, distance, sampled.dist)
             pdf = dr.select(from_map, pdf, sampled.pdf * (1.0 - self.map_share))
-            weighed = dr.select(from_map, weighed, pdf)
+            mis_pdf = dr.select(from_map, mis_pdf, pdf)
             radiance = dr.select(from_map, radiance, weight * sampled.pdf)
 
         value, scattering_pdf = self._scattering(context, vertex, direction, active)
-        value *= radiance * (_mis_weight(weighed, scattering_pdf) / dr.maximum(pdf, 1e-20))
+        value *= radiance * (_mis_weight(mis_pdf, scattering_pdf) / dr.maximum(pdf, 1e-20))
         if self.light_tracer is not None:
             camera_weight = self.light_tracer.camera_weight(
                 path.pdf_ratio, light.position, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
@@ -462,39 +464,39 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         return dr.select(useful, self._clamped(value, path.depth), 0.0)
 
     @dr.syntax
-    def _most_useful(
+    def _resampled(
         self,
         lights: LightList,
         context: mi.BSDFContext,
         vertex: Vertex,
         active: mi.Bool,
-        choice: mi.Float,
-        chance: mi.Float,
+        u: mi.Float,
+        u_select: mi.Float,
         weight_samples: mi.Float,
     ) -> tuple[mi.Float, mi.Float]:
-        """One out of several light samples of the map, in proportion to what they would bring if nothing were between.
+        """Resampled importance sampling (Talbot et al. 2005) of one light sample of the map out of several candidates.
 
-        This is resampling (Talbot et al. 2005): the sum over the candidates is kept in expectation, and only one shadow
-        ray is traced. On support, a candidate that no object's bound is near of brings nothing.
+        The target is the unoccluded contribution. The sum over the candidates is kept in expectation, and only one
+        shadow ray is traced. On support, a candidate whose direction misses all objects' bounds has target 0.
 
         Args:
             lights: light samples of the map.
             context: for the BSDFs.
             vertex: where light arrives.
             active: which paths take a sample.
-            choice: uniform random number that picks the candidates, one in each of as many equal parts of the list.
-            chance: uniform random number that picks one among them.
-            weight_samples: for how many samples of the map's light multiple importance sampling takes them.
+            u: uniform random number that picks the candidates, one in each of as many equal parts of the list.
+            u_select: uniform random number that picks one among them.
+            weight_samples: how many light samples of the map the one taken counts as in MIS.
 
         Returns:
-            The number to give to :meth:`LightList.sample`, and the factor on what it brings.
+            The ``u`` of the candidate for :meth:`LightList.sample`, and the factor on its contribution.
         """
-        kept, kept_target, total = mi.Float(choice), mi.Float(0.0), mi.Float(0.0)
-        chance = mi.Float(chance)
+        kept, kept_target, total = mi.Float(u), mi.Float(0.0), mi.Float(0.0)
+        u_select = mi.Float(u_select)
         candidate = mi.UInt32(0)
         while candidate < CANDIDATES:
-            number = (choice + mi.Float(candidate)) * (1.0 / CANDIDATES)
-            light = lights.outline(number, active)
+            u_candidate = (u + mi.Float(candidate)) * (1.0 / CANDIDATES)
+            light = lights.outline(u_candidate, active)
             direction, _, pdf = self.place.toward(light, vertex.point)
             value, scattering_pdf = self._scattering(context, vertex, direction, active)
             weight = _mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20)
@@ -502,11 +504,12 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             weight *= self.place.likelihood(light, vertex.point)
             target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
             total += target
-            # One random number serves all candidates: what is left of it after each choice is uniform again.
+            # One random number serves all candidates: rescaled after each decision, it is uniform again.
             share = target / dr.maximum(total, 1e-30)
-            taken = chance < share
-            chance = dr.select(taken, chance, chance - share) / dr.maximum(dr.select(taken, share, 1.0 - share), 1e-12)
-            kept, kept_target = dr.select(taken, number, kept), dr.select(taken, target, kept_target)
+            taken = u_select < share
+            u_select = dr.select(taken, u_select, u_select - share)
+            u_select /= dr.maximum(dr.select(taken, share, 1.0 - share), 1e-12)
+            kept, kept_target = dr.select(taken, u_candidate, kept), dr.select(taken, target, kept_target)
             candidate += 1
         return kept, dr.select(kept_target > 0.0, total / dr.maximum(kept_target, 1e-30), 0.0)
 
@@ -534,11 +537,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         inverted: mi.Bool,
         active: mi.Bool,
     ) -> mi.Float:
-        """By how much light samples count.
+        """Signed visibility of light samples.
 
         A light sample ``l`` counts where it is what the vertex sees: where no other real surface stands between. At a
         synthetic point it is lost if something new stands between; at a support point in difference mode that is just
-        when it counts, as ``-M(l)``. So the new surfaces are asked first, and the real ones only where it matters.
+        when it counts, as ``-M(l)``. So the new surfaces are tested first, and the real ones only where it matters.
 
         Args:
             vertex: where light arrives.
@@ -572,7 +575,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         while active:
             si = self.surfaces.synthetic.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
             active &= si.is_valid()
-            transmission = materials.null_transmission(materials.number(si, active), si, active)
+            transmission = materials.null_transmission(materials.index(si, active), si, active)
             passed *= dr.select(active, dr.mean(transmission), 1.0)
             active &= passed > 0.0
             remaining = ray.maxt - si.t
@@ -580,7 +583,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         return passed
 
     def _clamped(self, value: mi.Color3f, depth: mi.UInt32) -> mi.Color3f:
-        """Indirect light held to the user's bound, where there is one."""
+        """Indirect light clamped to the user's bound, where there is one."""
         if self.clamp is None:
             return value
         scale = dr.minimum(1.0, self.clamp / dr.maximum(dr.max(dr.abs(value)), 1e-20))

@@ -1,6 +1,6 @@
 """ENVPath: the integrator of the paper, by its algorithms 1 and 2 and its table 1.
 
-A support point is not changed but rendered anew, by an estimator that converges to the photograph where nothing new is
+A support point is not changed but re-rendered, by an estimator that converges to the photograph where nothing new is
 near (paper, eq. 5 and 6). Where the printed equations do not close, docs/theory.md ("envpath") says what is done instead;
 the numbers in brackets below refer to its list of deviations.
 """
@@ -122,7 +122,7 @@ class EnvpathPath(Path):
         photograph: what the support surface that the camera sees sent before.
         synthetic_path: ``pt``: which met a new surface last.
         previous: where they scattered last, world, metres.
-        previous_pdf: density of that direction per steradian; 0 where light sampling could not draw it.
+        previous_pdf: of that direction, per steradian; 0 where light sampling could not draw it.
     """
 
     photograph: mi.Color3f
@@ -214,13 +214,13 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         point = dr.select(on_synthetic, si.p, hit.point)
         normal = dr.select(on_synthetic, si.n, hit.normal)
         materials = self.surfaces.materials
-        material = materials.number(si, on_synthetic)
+        material = materials.index(si, on_synthetic)
         own = self.place.photograph.surface_radiance(hit, on_support)
         factor = self.surfaces.irradiance(hit, on_support).x
         photograph = dr.select(first & on_support, own, photograph)
         direct_support &= active
-        number = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
-        light = lights.sample(number, active)
+        u = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
+        light = lights.sample(u, active)
         direction, distance, pdf = self.place.toward(light, point)
 
         # Eq. 5 with the luminance that eq. 7 weights by (1); light and measure are those of the capture point (2).

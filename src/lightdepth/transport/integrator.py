@@ -19,8 +19,8 @@ from lightdepth.transport.radiance_cache import NO_CELL, RadianceCache
 from lightdepth.transport.sampler import Sampler
 
 CameraRays = Callable[[mi.UInt32], tuple[Sampler, mi.Ray3f, mi.Bool, mi.Float]]
-"""From the number of a sample in its pixel to the random numbers of its path, its camera ray in world, whether it lies in
-the camera's image, and the solid angle of the pixel there in steradians times the light paths for each such path."""
+"""From the index of a sample in its pixel to its sampler, its camera ray in world, whether it lies in the camera's image,
+and the solid angle of the pixel there in steradians times the number of light paths per camera path."""
 
 
 @dataclass
@@ -46,7 +46,7 @@ class CameraSums:
         change: of :class:`CameraSamples`.
         synthetic: of :class:`CameraSamples`.
         squares: of ``change + synthetic`` of each sample, squared.
-        covered: how many samples are.
+        covered: how many samples are covered.
     """
 
     change: mi.Color3f
@@ -57,20 +57,22 @@ class CameraSums:
 
 @dataclass
 class Path:
-    """Paths that are followed, one in each lane.
+    """Camera paths, one in each lane.
 
     Attributes:
         sampler: their random numbers.
-        ray: where they go, world.
+        ray: the next ray, world.
         active: which have not ended.
-        radiance: what they have found.
-        throughput: what they still carry of what they find.
+        radiance: contribution so far.
+        throughput: factor on what they find next.
         first: which have not scattered yet.
         covered: which met a new surface first.
         depth: scatterings so far.
-        cell: where a path has learnt its ``radiance``, or ``NO_CELL``; see :class:`RadianceCache`.
-        pdf_ratio: before the first scattering, the last of :data:`CameraRays`; after it, what is known of the pdf
-            ratio of a light path that does the same, 0 where there is none. See :class:`LightTracer`.
+        cell: of a training path, the cache cell that its ``radiance`` is a record of, or ``NO_CELL``; see
+            :class:`RadianceCache`.
+        pdf_ratio: before the first scattering, the last of :data:`CameraRays`; after it, the factor of the pdf ratio of
+            light tracing to this path as far as it is decided, 0 where light tracing cannot find the path. See
+            :class:`LightTracer`.
     """
 
     sampler: Sampler
@@ -98,7 +100,7 @@ class Integrator(ABC, Generic[PathKind]):
         max_bounces: scatterings after which a path ends; negative for no limit.
 
     Attributes:
-        light_tracer: what brings the light that its paths from the camera leave to paths from the light, or ``None``.
+        light_tracer: the light tracing that its camera paths are MIS-weighted against, or ``None``.
     """
 
     def __init__(
@@ -112,45 +114,44 @@ class Integrator(ABC, Generic[PathKind]):
         self.has_emitters = len(surfaces.all.emitters()) > 0
 
     def new_cache(self) -> RadianceCache | None:
-        """An empty cache for the paths of one image; ``None`` where it would serve nothing."""
+        """An empty radiance cache for one image; ``None`` where it would be of no use."""
         return None
 
     @dr.syntax
     def sample(
         self, camera: CameraRays, lanes: int, count: mi.UInt32, lights: LightList, cache: RadianceCache | None
     ) -> CameraSums:
-        """Follow paths, in every lane ``count`` of them one after the other.
+        """Follow paths, ``count`` of them one after the other in every lane.
 
-        A lane takes up its next path when one ends: side by side, paths of very different lengths would wait for the
-        longest.
+        A lane begins its next path when one ends: otherwise all lanes would wait for the longest path.
 
         Args:
-            camera: camera rays by the number of the sample in its lane.
+            camera: camera rays by the index of the sample in its lane.
             lanes: how many.
             count: paths in each.
             lights: light samples of the place that all paths share.
-            cache: what is known of the support's change, from :meth:`new_cache`.
+            cache: the radiance cache of the support's change, from :meth:`new_cache`.
         """
         sums = dr.zeros(CameraSums, lanes)
-        lane, number, width = dr.arange(mi.UInt32, lanes), mi.UInt32(0), dr.opaque(mi.UInt32, lanes)
-        learnt = _nothing if cache is None else cache.record
-        path = self.begin(_camera_path(*camera(number)))
-        while number < count:
+        lane, index, width = dr.arange(mi.UInt32, lanes), mi.UInt32(0), dr.opaque(mi.UInt32, lanes)
+        record = _no_record if cache is None else cache.record
+        path = self.begin(_camera_path(*camera(index)))
+        while index < count:
             path = self.advance(path, lights, cache)
             ended = ~path.active
             samples = self.samples(path)
-            learnt(number * width + lane, path.cell, path.radiance, ended)
+            record(index * width + lane, path.cell, path.radiance, ended)
             sums.change += samples.change & ended
             sums.synthetic += samples.synthetic & ended
             sums.squares += dr.square(samples.change + samples.synthetic) & ended
             sums.covered += dr.select(ended & samples.covered, 1.0, 0.0)
-            number += dr.select(ended, mi.UInt32(1), mi.UInt32(0))
-            path = dr.select(ended, self.begin(_camera_path(*camera(number))), path)
+            index += dr.select(ended, mi.UInt32(1), mi.UInt32(0))
+            path = dr.select(ended, self.begin(_camera_path(*camera(index))), path)
         return sums
 
     @abstractmethod
     def begin(self, path: Path) -> PathKind:
-        """Paths along camera rays, with what the method keeps of them besides."""
+        """Paths along camera rays, with the state that the method adds."""
 
     @abstractmethod
     def advance(self, path: PathKind, lights: LightList, cache: RadianceCache | None) -> PathKind:
@@ -177,5 +178,5 @@ def _camera_path(sampler: Sampler, ray: mi.Ray3f, active: mi.Bool, pdf_ratio: mi
     )
 
 
-def _nothing(*_: object) -> None:
-    """Where nothing is learnt."""
+def _no_record(*_: object) -> None:
+    """Without a radiance cache."""

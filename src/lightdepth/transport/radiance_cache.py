@@ -1,8 +1,9 @@
-"""What the objects change on support surfaces, as other surfaces see it: means over cells of space.
+"""A spatially hashed radiance cache of what the objects change on support surfaces.
 
 Theory, eq. (4b). A support point ``q`` that a path meets after a scattering sends ``D(q)``, for which the path would
-have to go on. It is nearly the same for all paths that arrive near ``q``: so some paths, used for nothing else, learn its
-mean over a cell of space, and all others end there. (Path space filtering: Keller et al. 2014, Binder et al. 2018.)
+have to continue. It is nearly the same for all paths that arrive near ``q``: so training paths, used for nothing else,
+record it, and all other paths end there with the mean of the cache cell. (Path space filtering: Keller et al. 2014,
+Binder et al. 2018.)
 """
 
 from __future__ import annotations
@@ -24,19 +25,19 @@ EDGE = 0.5
 SMALLEST_EDGE, LARGEST_EDGE = 0.001, 4.0
 """Metres."""
 FEWEST_ENTRIES = 2
-"""Of the list of cells, if need be with an empty one: looking up a list of one makes a kernel of its own, a second to
-compile."""
+"""Entries of the cache, padded with an empty one if necessary: a lookup in a single entry needs a kernel of its own,
+which takes a second to compile."""
 COORDINATE_BITS, FACING_BITS = 18, 3
 LEVEL_OFFSET = 16
 NO_CELL = 0
 NEIGHBOURS_COUNT = 4.0
-"""Cells are read as if they had so many more records, of the mean of the two by two by two that they are among: most have
+"""Cells are read as if they had this many more records, equal to the mean of their block of two by two by two: most have
 few of their own at first, and some none."""
 CORNERS = np.array(
     [sum(((corner >> axis) & 1) << (FACING_BITS + axis * COORDINATE_BITS) for axis in range(3)) for corner in range(8)],
     np.uint64,
 )
-"""The bits of a cell's number that tell which of eight neighbours it is."""
+"""The bits of a cell's key that distinguish the eight cells of a block."""
 
 
 class RadianceCache:
@@ -46,7 +47,7 @@ class RadianceCache:
         bounds: of the objects: cells are small where these are near.
 
     Attributes:
-        learning: whether the paths that are followed learn, instead of estimating anything for their pixels.
+        training: whether the paths that are followed are training paths, which estimate nothing for their pixels.
     """
 
     def __init__(self, bounds: ObjectBounds) -> None:
@@ -59,35 +60,35 @@ class RadianceCache:
         self._expect(0)
 
     @contextmanager
-    def learn(self, paths: int) -> Iterator[None]:
-        """While this is open, the paths that are followed learn; what they have learnt is known when it closes.
+    def train(self, paths: int) -> Iterator[None]:
+        """While this is open, the paths that are followed are training paths; their records count when it closes.
 
         Args:
             paths: how many will be followed.
         """
         self._expect(paths)
         yield
-        self._add(self._learnt_cells.numpy(), self._learnt.numpy().reshape(-1, 4)[:, :3])
+        self._add(self._record_cells.numpy(), self._record_values.numpy().reshape(-1, 4)[:, :3])
         self._expect(0)
 
     @property
     def records(self) -> int:
-        """How many training paths have reached it."""
+        """How many records training paths have left."""
         return int(self._records.sum())
 
     def contents(self) -> dict[str, NDArray]:
-        """Everything that it has learnt, by name."""
+        """The whole state of the cache, by name."""
         return {"cells": self._cells, "sums": self._sums, "records": self._records, "squares": self._squares}
 
     def restore(self, contents: Mapping[str, NDArray]) -> None:
-        """Put what :meth:`contents` gave in place of what there is."""
+        """Replace the state by one from :meth:`contents`."""
         self._cells, self._sums, self._records, self._squares = (
             contents[name] for name in ("cells", "sums", "records", "squares")
         )
         self._upload()
 
     def perturbed(self, generator: np.random.Generator) -> RadianceCache:
-        """A cache of the same cells whose means are as wrong as the means here are expected to be.
+        """A cache of the same cells whose means are off by as much as the means here are expected to be.
 
         Every cell's sum is changed by a random number of its standard error, the same in all channels. Cells with few
         records have the variance that the others have on average.
@@ -95,7 +96,7 @@ class RadianceCache:
         grey, count = self._sums.mean(axis=1), np.maximum(self._records, 1)
         within = np.maximum(self._squares - np.square(grey) / count, 0.0)
         pooled = float(within.sum() / max(float((self._records - 1).sum()), 1.0))
-        # As many records of that variance as decide how many neighbours count.
+        # Shrunk toward the pooled variance by as many records as the block counts for.
         variance = (within + NEIGHBOURS_COUNT * pooled) / (np.maximum(count - 1, 0) + NEIGHBOURS_COUNT)
         other = copy(self)
         other._sums = self._sums + (generator.standard_normal(len(count)) * np.sqrt(variance * count))[:, None]
@@ -103,7 +104,7 @@ class RadianceCache:
         return other
 
     def cell(self, point: mi.Point3f, normal: mi.Vector3f) -> tuple[mi.UInt64, mi.Float]:
-        """The cells of points and their edges in metres.
+        """The keys of the cells of points, and the cells' edges in metres.
 
         Args:
             point: world, metres.
@@ -114,13 +115,13 @@ class RadianceCache:
         edge = dr.exp2(level)
         key = mi.UInt64(mi.UInt32(mi.Int32(level) + LEVEL_OFFSET))
         for coordinate in (point.x, point.y, point.z):
-            place = mi.UInt32(mi.Int32(dr.floor(coordinate / edge))) & ((1 << COORDINATE_BITS) - 1)
-            key = (key << COORDINATE_BITS) | mi.UInt64(place)
+            position = mi.UInt32(mi.Int32(dr.floor(coordinate / edge))) & ((1 << COORDINATE_BITS) - 1)
+            key = (key << COORDINATE_BITS) | mi.UInt64(position)
         return (key << FACING_BITS) | mi.UInt64(_facing(normal)), edge
 
     @dr.syntax
     def look_up(self, cell: mi.UInt64, active: mi.Bool) -> tuple[mi.Bool, mi.Color3f]:
-        """Whether cells are known, and what is known of them.
+        """Whether cells have valid entries, and the mean of each.
 
         Args:
             cell: from :meth:`cell`.
@@ -130,47 +131,47 @@ class RadianceCache:
         while step > 0:
             tried = below + step
             inside = active & (tried <= self._count)
-            before = dr.gather(mi.UInt64, self._known, tried - 1, inside) < cell
+            before = dr.gather(mi.UInt64, self._keys, tried - 1, inside) < cell
             below = dr.select(inside & before, tried, below)
             step >>= 1
         found = active & (below < self._count)
-        found &= dr.gather(mi.UInt64, self._known, below, found) == cell
+        found &= dr.gather(mi.UInt64, self._keys, below, found) == cell
         value = dr.gather(mi.Vector4f, self._means, below, found)
         return found, mi.Color3f(value.x, value.y, value.z)
 
     def record(self, path: mi.UInt32, cell: mi.UInt64, change: mi.Color3f, active: mi.Bool) -> None:
-        """Keep what paths have learnt, where paths learn.
+        """Keep the records of training paths; of other paths, nothing.
 
         Args:
-            path: their numbers, below the number that is expected.
-            cell: where, or ``NO_CELL``.
-            change: of a white surface's radiance, as they found it.
+            path: indices of the paths, below the count given to :meth:`train`.
+            cell: the cell that each has a record for, or ``NO_CELL``.
+            change: estimated change of a white surface's radiance.
             active: which have ended.
         """
-        active = active & self.learning & (cell != NO_CELL)
-        dr.scatter(self._learnt_cells, cell, path, active)
-        dr.scatter(self._learnt, mi.Vector4f(change.x, change.y, change.z, 0.0), path, active)
+        active = active & self.training & (cell != NO_CELL)
+        dr.scatter(self._record_cells, cell, path, active)
+        dr.scatter(self._record_values, mi.Vector4f(change.x, change.y, change.z, 0.0), path, active)
 
     def _expect(self, paths: int) -> None:
-        self.learning = dr.opaque(mi.Bool, paths > 0)
-        self._learnt_cells = dr.zeros(mi.UInt64, max(paths, 1))
-        self._learnt = dr.zeros(mi.Float, 4 * max(paths, 1))
-        dr.make_opaque(self._learnt_cells, self._learnt)
+        self.training = dr.opaque(mi.Bool, paths > 0)
+        self._record_cells = dr.zeros(mi.UInt64, max(paths, 1))
+        self._record_values = dr.zeros(mi.Float, 4 * max(paths, 1))
+        dr.make_opaque(self._record_cells, self._record_values)
 
     def _add(self, cells: NDArray[np.uint64], records: NDArray[np.float32]) -> None:
         useful = (cells != NO_CELL) & np.isfinite(records).all(axis=1)
         cells, records = cells[useful], records[useful]
-        self._cells, place = np.unique(np.concatenate([self._cells, cells]), return_inverse=True)
+        self._cells, slot = np.unique(np.concatenate([self._cells, cells]), return_inverse=True)
         # One after the other in the order of the paths, so that the same paths always give the same means.
-        known, size = len(self._records), len(self._cells)
-        number, sums, squares = np.zeros(size, np.int64), np.zeros((size, 3)), np.zeros(size)
-        number[place[:known]], sums[place[:known]] = self._records, self._sums
-        squares[place[:known]] = self._squares
-        squares += np.bincount(place[known:], np.square(records.mean(axis=1)), size)
-        number += np.bincount(place[known:], minlength=size)
+        old, size = len(self._records), len(self._cells)
+        counts, sums, squares = np.zeros(size, np.int64), np.zeros((size, 3)), np.zeros(size)
+        counts[slot[:old]], sums[slot[:old]] = self._records, self._sums
+        squares[slot[:old]] = self._squares
+        squares += np.bincount(slot[old:], np.square(records.mean(axis=1)), size)
+        counts += np.bincount(slot[old:], minlength=size)
         for channel in range(3):
-            sums[:, channel] += np.bincount(place[known:], records[:, channel], size)
-        self._records, self._sums, self._squares = number, sums, squares
+            sums[:, channel] += np.bincount(slot[old:], records[:, channel], size)
+        self._records, self._sums, self._squares = counts, sums, squares
         self._upload()
 
     def _upload(self) -> None:
@@ -180,18 +181,18 @@ class RadianceCache:
         order = np.argsort(cells)
         cells, block = cells[order], block[order]
         records, sums = np.zeros(len(cells)), np.zeros((len(cells), 3))
-        place = np.searchsorted(cells, self._cells)
-        records[place], sums[place] = self._records, self._sums
+        slot = np.searchsorted(cells, self._cells)
+        records[slot], sums[slot] = self._records, self._sums
         in_block = np.bincount(of_record, self._records, len(blocks))
         around = np.stack([np.bincount(of_record, channel, len(blocks)) / in_block for channel in self._sums.T], axis=1)
         size = max(len(cells), FEWEST_ENTRIES)
-        means, known = aligned_empty((size, 4)), np.zeros(size, np.uint64)
+        means, keys = aligned_empty((size, 4)), np.zeros(size, np.uint64)
         means[:] = 0.0
         means[: len(cells), :3] = sums + NEIGHBOURS_COUNT * around[block]
         means[: len(cells), :3] /= (records + NEIGHBOURS_COUNT)[:, None]
-        known[: len(cells)] = cells
+        keys[: len(cells)] = cells
         self._means = mi.Float(means.reshape(-1))
-        self._known = mi.UInt64(aligned(known, np.uint64))
+        self._keys = mi.UInt64(aligned(keys, np.uint64))
         self._count = dr.opaque(mi.UInt32, len(cells))
         self._widest_step = dr.opaque(mi.UInt32, 1 << (size.bit_length() - 1))
 

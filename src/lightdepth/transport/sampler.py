@@ -1,4 +1,4 @@
-"""Random numbers for one camera path: well spread over a pixel's samples where it pays, independent elsewhere."""
+"""Random numbers for one camera path: stratified over a pixel's samples where it pays, independent elsewhere."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ POLYNOMIALS = (
     (5, 2, (1, 1, 5, 5, 17)),
     (5, 4, (1, 1, 5, 5, 5)),
 )
-"""Degree, coefficients and first numbers of Sobol's dimensions from 1 on, by Joe and Kuo 2008."""
+"""Degree, coefficients and initial direction numbers of Sobol's dimensions from 1 on, by Joe and Kuo 2008."""
 BITS = 16
 """Of a sample's index that one sequence serves; every 2^16 samples another begins."""
 
@@ -29,12 +29,12 @@ BITS = 16
 class Sampler:
     """Random numbers of a path.
 
-    The first scattering decides most of a pixel's noise, so its choices, with the place on the film, are the dimensions
+    The first scattering decides most of a pixel's noise, so its choices, with the position on the film, are the dimensions
     of one Sobol sequence along the pixel's samples, shuffled and scrambled from pixel to pixel (Owen 1995); all later
     choices are independent.
 
     Attributes:
-        generator: independent numbers.
+        generator: independent random numbers.
         pixel: of the path.
         index: of the path's sample within its pixel.
     """
@@ -44,33 +44,33 @@ class Sampler:
     index: mi.UInt32
 
     def next_1d(self, active: mi.Bool | bool = True) -> mi.Float:
-        """An independent number, uniform in [0, 1)."""
+        """An independent random number, uniform in [0, 1)."""
         return self.generator.next_float32(active)
 
     def direction(self, first: mi.Bool, active: mi.Bool) -> tuple[mi.Float, mi.Float, mi.Float]:
-        """Three numbers to draw a direction with, well spread at the ``first`` scattering."""
+        """Three random numbers to draw a direction with, stratified at the ``first`` scattering."""
         x, y, z = self.stratified("direction")
         choice = dr.select(first, x, self.next_1d(active))
         return choice, dr.select(first, y, self.next_1d(active)), dr.select(first, z, self.next_1d(active))
 
     def stratified(self, name: str) -> list[mi.Float]:
-        """Numbers in [0, 1) that are well spread over the pixel's samples.
+        """Random numbers in [0, 1), stratified over the pixel's samples.
 
         Args:
-            name: what they are for, a key of ``DIMENSIONS``.
+            name: their use, a key of ``DIMENSIONS``.
         """
         sequence, shuffle = mi.sample_tea_32(self.pixel, self.index >> BITS)
         index = dr.brev(_scrambled(dr.brev(self.index & ((1 << BITS) - 1)), shuffle))
-        numbers = []
+        values = []
         for dimension in DIMENSIONS[name]:
             scramble, _ = mi.sample_tea_32(sequence, mi.UInt32(dimension))
             digits = dr.brev(_scrambled(_reversed_sobol(index, dimension), scramble))
-            numbers.append(mi.Float(digits >> 8) * (1.0 / 2**24))
-        return numbers
+            values.append(mi.Float(digits >> 8) * (1.0 / 2**24))
+        return values
 
 
 def begin_path(pixel: mi.UInt32, index: mi.UInt32, seed: mi.UInt32) -> Sampler:
-    """Random numbers for sample ``index`` of ``pixel``; the same arguments give the same numbers."""
+    """Random numbers for sample ``index`` of ``pixel``; the same arguments give the same."""
     first, second = mi.sample_tea_32(pixel, index)
     third, fourth = mi.sample_tea_32(seed, mi.UInt32(0))
     generator = mi.PCG32()

@@ -49,7 +49,7 @@ def _touches_light(
         whole |= (low < -1) | (high > size + 1)
     first_tile = low - low % size
     low, high = np.where(whole, 0, low - first_tile), np.where(whole, size, high - first_tile)
-    # A table of sums over two by two repetitions tells the number of bright blocks in any box.
+    # A table of sums over two by two repetitions gives the number of bright blocks in any box.
     sums = np.pad(np.tile(bright, (2, 2)).cumsum(axis=0, dtype=np.int64).cumsum(axis=1), ((1, 0), (1, 0)))
     (x0, y0), (x1, y1) = low.T, high.T
     shines: NDArray[np.bool_] = sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0] > 0

@@ -14,7 +14,7 @@ def split_mirrored(part: SyntheticPart) -> list[SyntheticPart]:
     """The part with its mirrored faces set apart, where it has a normal map.
 
     Mitsuba takes the tangent along u and the bitangent as normal x tangent, so that y of the normal map would point
-    the wrong way where the texture is mirrored on the surface: there the map is used with y turned round.
+    the wrong way where the texture is mirrored on the surface: there the map is used with y negated.
     """
     mesh, material = part.geometry, part.material
     if not isinstance(mesh, Mesh) or mesh.texture_coordinates is None:

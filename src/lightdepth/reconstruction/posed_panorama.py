@@ -1,4 +1,4 @@
-"""What a reconstruction starts from: the panorama, its pose, and the scene file where there is one."""
+"""What a reconstruction starts from: a panorama and its pose, from a scene file where there is one."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ Three = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Place:
-    """The place to reconstruct.
+class PosedPanorama:
+    """The panorama that a reconstruction starts from.
 
     Attributes:
         pose: of the panorama.
@@ -40,16 +40,16 @@ class Place:
     notes: tuple[str, ...] = ()
 
 
-def read_place(
-    source: Path | None,
+def read_posed_panorama(
+    path: Path | None,
     position: Three | None = None,
     rotation: Three | None = None,
     default_height: float | None = None,
-) -> Place:
+) -> PosedPanorama:
     """Read a panorama, or the ``[panorama]`` of a scene file whose meshes need not exist yet.
 
     Args:
-        source: a panorama or a scene file (.toml), or ``None``.
+        path: a panorama or a scene file (.toml), or ``None``.
         position: capture point, world, metres; it goes before that of the scene file.
         rotation: light space to world, XYZ Euler, degrees; it goes before that of the scene file, and that before what
             the panorama's metadata says.
@@ -58,9 +58,9 @@ def read_place(
     Raises:
         InputError: the file or its panorama is missing or wrong, or nothing gives a position.
     """
-    image, radiance = source, None
-    if source is not None and source.suffix.lower() == ".toml":
-        table = _panorama_table(source)
+    image, radiance = path, None
+    if path is not None and path.suffix.lower() == ".toml":
+        table = _panorama_table(path)
         image = table.image
         position, rotation = position or table.position, rotation or table.rotation
     notes: tuple[str, ...] = ()
@@ -74,7 +74,7 @@ def read_place(
             raise InputError('the capture point is not known: give a scene file, or --position "x,y,z" in metres')
         position = (0.0, 0.0, default_height)
     rotation = rotation or (0.0, 0.0, 0.0)
-    return Place(Pose(np.array(position), euler_rotation(rotation)), rotation, radiance, image, notes)
+    return PosedPanorama(Pose(np.array(position), euler_rotation(rotation)), rotation, radiance, image, notes)
 
 
 def _rounded(degrees: NDArray[np.float64]) -> Three:

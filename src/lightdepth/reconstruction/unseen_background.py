@@ -1,4 +1,4 @@
-"""What lies behind the near side of a depth image's jumps: surfaces that close the cuts."""
+"""The background behind the jumps of a depth image, unseen from the capture point: surfaces that close the cuts."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ GAP = 0.98
 """The background keeps at least this far behind, as a factor of the reciprocal distance."""
 
 
-def surface_behind(depth: FloatArray, pose: Pose) -> Mesh:
+def unseen_background(depth: FloatArray, pose: Pose) -> Mesh:
     """Go on with the far side of every jump in depth behind its near side.
 
     From the capture point the cut between the two is then closed, and from beside it one looks at the wall behind an
@@ -39,14 +39,14 @@ def surface_behind(depth: FloatArray, pose: Pose) -> Mesh:
     reciprocal = 1.0 / depth
     background = _background_beside_jumps(reciprocal)
     reach = round(REACH / 180.0 * height)
-    hidden, near = _near_side(reciprocal, background, reach)
+    unseen, near = _near_side(reciprocal, background, reach)
     seen = (reciprocal > 0.0) & ~near
-    layer = continued(reciprocal, hidden, seen)
-    layer[hidden] = np.minimum(layer[hidden], GAP * reciprocal[hidden])
-    # A ring of what is seen belongs to the layer, a hair behind it, so that the two overlap.
-    layer[~hidden] *= 0.999
-    first = _round(ndimage.binary_dilation(_round(hidden, 1), np.ones((3, 3))), -1)
-    usable = (hidden | seen) & (layer > 0.0)
+    layer = continued(reciprocal, unseen, seen)
+    layer[unseen] = np.minimum(layer[unseen], GAP * reciprocal[unseen])
+    # A ring of what is seen belongs to the layer, slightly behind it, so that the two overlap.
+    layer[~unseen] *= 0.999
+    first = _round(ndimage.binary_dilation(_round(unseen, 1), np.ones((3, 3))), -1)
+    usable = (unseen | seen) & (layer > 0.0)
 
     rows, columns = np.meshgrid(np.arange(height - 1), np.arange(width), indexing="ij")
     a, b = rows * width + columns, rows * width + (columns + 1) % width

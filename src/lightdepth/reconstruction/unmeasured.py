@@ -12,15 +12,15 @@ from lightdepth.directions import euler_rotation, pixel_directions
 FloatArray = NDArray[np.float64]
 
 GAP_CELLS = 4.0
-"""A direction is unseen where the nearest measured point lies this many cells beside it."""
+"""A direction is unmeasured where the nearest measured point lies this many cells beside it."""
 RING = np.radians(12.0)
-"""Width of the ring around unseen directions, from whose points it is judged how the place goes on."""
+"""Width of the ring around unmeasured directions, from whose points it is judged how the place goes on."""
 SMALLEST_SHARE = 0.04
 """A plane goes on where it holds at least this part of the ring's points."""
 BEYOND = 0.04
 """A plane that more than this part of the ring's points lie behind is furniture's: one sees past it."""
 ROWS = (64, 400)
-"""Fewest and most rows of the picture that unseen directions are looked for in."""
+"""Fewest and most rows of the picture that unmeasured directions are looked for in."""
 TRIALS = 300
 JURY = 3000
 """Points that a trial plane is judged by."""
@@ -31,15 +31,15 @@ def continued_planes(
 ) -> tuple[FloatArray, FloatArray]:
     """Points on the continuation of the place's planes into the directions that were not measured.
 
-    Around every unseen region planes are looked for (RANSAC). Those that one nowhere sees past are the place's walls,
+    Around every unmeasured region planes are looked for (RANSAC). Those that one nowhere sees past are the place's walls,
     floor or ceiling: they go on, and the nearest of them is what is seen, at the farthest the box along the walls that
-    holds all measured points. Where the rim of an unseen region is something else, as a piece of furniture's, no points
+    holds all measured points. Where the rim of an unmeasured region is something else, as a piece of furniture's, no points
     are added: the surface is to bridge that by itself.
 
     Args:
         points: without outliers and noise, world, metres, shape (n, 3).
         normals: unit, into the open, shape (n, 3).
-        capture_point: where unseen directions start, world, metres, shape (3,).
+        capture_point: where unmeasured directions start, world, metres, shape (3,).
         cell: size of the finest details, metres.
         seed: of the random trials.
 
@@ -52,8 +52,8 @@ def continued_planes(
     height = 2 * int(np.clip(np.pi * np.median(ranges) / cell, *ROWS) / 2)
     directions = pixel_directions(height, 2 * height)
     angle, nearest = KDTree(ways / ranges[:, None]).query(directions.reshape(-1, 3))
-    unseen = (angle * ranges[nearest] > GAP_CELLS * cell).reshape(height, 2 * height)
-    regions = _regions(unseen)
+    unmeasured = (angle * ranges[nearest] > GAP_CELLS * cell).reshape(height, 2 * height)
+    regions = _regions(unmeasured)
     box = _box(points, normals)
     added, facing = [np.empty((0, 3))], [np.empty((0, 3))]
     for region in range(1, regions.max() + 1):
@@ -63,7 +63,7 @@ def continued_planes(
             continue
         ring = _around(inside, ways / ranges[:, None])
         planes = _planes(points, normals, ring, cell, random)
-        rim = points[nearest.reshape(unseen.shape)[chosen]]
+        rim = points[nearest.reshape(unmeasured.shape)[chosen]]
         inside = inside[(np.abs(rim @ planes[:, :3].T - planes[:, 3]) < cell).any(axis=1)]
         walls = np.concatenate([planes, box])
         approach = -inside @ walls[:, :3].T

@@ -6,7 +6,7 @@ import pytest
 from lightdepth.directions import euler_rotation
 from lightdepth.reconstruction.cleaning import smoothed, thinned
 from lightdepth.reconstruction.point_cloud import PointCloud
-from lightdepth.reconstruction.unseen import continued_planes
+from lightdepth.reconstruction.unmeasured import continued_planes
 from tests.reconstruction.virtual_room import CAPTURE, distance_to_surface, scanned
 
 CELL = 0.08
