@@ -108,7 +108,7 @@ def test_automatic_and_rectangle_together(room, panorama):
     assert set(found["residuals"]) == {"rectangle", "room"}
 
 
-def test_a_scene_of_another_panorama_is_told(room, panorama, tmp_path):
+def test_a_scene_of_another_panorama_is_reported(room, panorama, tmp_path):
     scene = tmp_path / "other.toml"
     scene.write_text('[panorama]\nimage = "kitchen.exr"\n')
     found = run(panorama, "--rectangle", text(room.pixels(room.RUG, WIDTH)), "--width", 2, "--write", scene)

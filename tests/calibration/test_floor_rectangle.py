@@ -108,21 +108,21 @@ def test_a_diagonal_given_as_first_side_is_put_right_with_a_warning():
     assert sorted(found.rectangle_size) == pytest.approx([2.0, 3.0], abs=1e-5)
 
 
-def test_corners_that_are_no_rectangle_are_told():
+def test_corners_that_are_no_rectangle_are_reported():
     leaning = RUG + np.array([[0, 0, 0], [0, 0, 0], [1.0, 0, 0], [1.0, 0, 0]])
     found = calibrate(Cues(rug(points=leaning, width=2.0)))
     assert any("its sides meet at 71.6 degrees" in warning for warning in found.warnings)
     assert found.residual > 0.5
 
 
-def test_measures_that_contradict_the_clicks_are_told():
+def test_measures_that_contradict_the_clicks_are_reported():
     assert calibrate(Cues(rug(width=2.0, length=3.0), camera_height=1.5)).warnings == ()
     assert any("length / width" in w for w in calibrate(Cues(rug(width=2.0, length=4.0))).warnings)
     assert any("camera height" in w for w in calibrate(Cues(rug(width=2.0), camera_height=2.2)).warnings)
     assert any("camera height" in w for w in calibrate(Cues(rug(length=3.0), camera_height=2.2)).warnings)
 
 
-def test_a_small_far_rectangle_is_told_to_be_uncertain():
+def test_a_small_far_rectangle_is_reported_as_uncertain():
     tile = FloorRectangle(seen_from(np.array([-4.0, -4.0, 1.5]), ROTATION, 0.3 * RUG), width=0.6)
     assert any("only known to about" in warning for warning in calibrate(Cues(tile)).warnings)
 

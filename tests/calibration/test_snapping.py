@@ -46,7 +46,7 @@ def test_noisy_clicks_snapped_give_the_rotation_within_a_degree(room, view, pose
     assert np.median(snapped) < np.median(alone) / 3
 
 
-def test_a_side_without_an_edge_is_told_and_the_clicks_stay(room, view):
+def test_a_side_without_an_edge_is_reported_and_the_clicks_stay(room, view):
     radiance, position, rotation = view
     clicked = FloorRectangle(seen_from(position, rotation, room.RUG), **sides(room.RUG))
     rectangle, warnings = snap_rectangle(np.ones_like(radiance), clicked, None, CLICK_ERROR)
@@ -54,7 +54,7 @@ def test_a_side_without_an_edge_is_told_and_the_clicks_stay(room, view):
     assert warnings == ["no edge is seen from corner 1 to 2; the clicks were not moved"]
 
 
-def test_edges_that_are_no_such_rectangle_are_told_and_the_clicks_stay(room, view):
+def test_edges_that_are_no_such_rectangle_are_reported_and_the_clicks_stay(room, view):
     """The rug is not as long as was said."""
     radiance, position, rotation = view
     clicked = FloorRectangle(seen_from(position, rotation, room.RUG), width=2.0, length=4.0)

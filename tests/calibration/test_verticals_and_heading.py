@@ -91,7 +91,7 @@ def test_hand_clicked_verticals_of_a_real_room(shared_data):
     assert angle_between(turned.rotation[2] @ turn, level.rotation[2]) < 0.01
 
 
-def test_verticals_that_all_stand_in_one_plane_are_told():
+def test_verticals_that_all_stand_in_one_plane_are_reported():
     foot = np.array([[0.0, 2.0, 0.0], [0.0, 4.0, 0.0], [0.0, -3.0, 0.0]])
     verticals = Arcs(seen_from(CAMERA, np.eye(3), np.stack([foot, foot + np.array([0, 0, 2.5])], axis=1)))
     assert any("only known to about" in warning for warning in calibrate(Cues(verticals=verticals)).warnings)
@@ -112,7 +112,7 @@ def test_a_heading_straight_up_is_refused(poses):
         calibrate(Cues(verticals=edges, heading=np.array([0.0, 0.0, 1.0])))
 
 
-def test_a_wrong_vertical_is_told(poses):
+def test_a_wrong_vertical_is_reported(poses):
     rotation = euler_rotation([3.0, 5.0, 20.0])
     edges = seen_from(CAMERA, rotation, poses.plumb_edges(CAMERA, 5))
     edges[0, 1] = seen_from(CAMERA, rotation, np.array([3.0, 1.5, 2.5]))

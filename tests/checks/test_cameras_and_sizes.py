@@ -31,7 +31,7 @@ def camera(position=CAPTURE, look_at=(0.0, 3.0, 1.0), **settings):
     ("radius", "words"),
     [(0.0035, "is 7 x 7 x 7 mm large"), (38.0, "is 76 x 76 x 76 m large"), (0.2, None), (0.006, None)],
 )
-def test_a_size_that_cannot_be_meant_is_told(radius, words):
+def test_a_size_that_cannot_be_meant_is_reported(radius, words):
     found = [m for s, m in messages(scene(synthetic=[sphere([0.0, 1.5, radius], radius)])) if "large" in m]
     assert bool(found) == (words is not None)
     if words:
@@ -48,7 +48,7 @@ def test_a_distant_sun_may_be_large():
     assert not any("large" in message for _, message in messages(open_room))
 
 
-def test_an_object_around_the_capture_point_or_a_camera_is_told():
+def test_an_object_around_the_capture_point_or_a_camera_is_reported():
     around = scene(synthetic=[sphere(CAPTURE + [0.1, 0.0, 0.0], 0.6)])
     assert any("stands around the capture point" in m for s, m in messages(around) if s is Severity.WARNING)
     beside = replace(scene(synthetic=[sphere([1.0, 1.5, 1.2], 0.6)]), cameras={"view": camera([1.0, 1.5, 1.2])})
@@ -57,7 +57,7 @@ def test_an_object_around_the_capture_point_or_a_camera_is_told():
     assert not any("stands around" in m for _, m in messages(free))
 
 
-def test_a_view_finer_than_the_plate_is_told_with_the_factor():
+def test_a_view_finer_than_the_plate_is_reported_with_the_factor():
     """64 columns are 0.178 pixels a degree; 64 pixels over 10 degrees about 6.4."""
     fine = replace(scene(), cameras={"view": camera(fov=10.0)})
     (hint,) = [m for s, m in messages(fine) if s is Severity.HINT and "softer" in m]
@@ -77,14 +77,14 @@ def test_pixels_per_degree_of_every_camera():
     assert pixels_per_degree(posed(narrow)) == pytest.approx(100.0, rel=1e-4)
 
 
-def test_a_camera_far_from_the_capture_point_is_told():
+def test_a_camera_far_from_the_capture_point_is_reported():
     far = replace(scene(), cameras={"view": camera([1.5, -2.5, 1.0])})
     assert any("from the capture point, and surfaces are" in m for _, m in messages(far))
     near = replace(scene(), cameras={"view": camera(CAPTURE + [0.2, 0.1, 0.0])})
     assert not any("from the capture point, and surfaces" in m for _, m in messages(near))
 
 
-def test_a_camera_that_sees_behind_furniture_is_told_how_much():
+def test_a_camera_that_sees_behind_furniture_is_reported_with_the_share():
     # A screen right before the capture point; the camera a hand's breadth beside it looks behind it.
     from lightdepth.scene.model import RealSurface, Role
 

@@ -48,7 +48,7 @@ def test_direction_pixel_and_angles_agree_for_a_turned_panorama():
     np.testing.assert_allclose(rotation @ latlong_to_direction(u, v), hole.direction, atol=1e-9)
 
 
-def test_largest_of_two_holes_is_told():
+def test_largest_of_two_holes_is_reported():
     inspection = inspect_scene(scene(room(without=["left", "right"]), position=[-0.5, 0.0, 1.25]))
     left, right = rectangle_share(3, 1.25, 1.5), rectangle_share(3, 1.25, 2.5)
     assert inspection.coverage.largest_hole.azimuth == pytest.approx(-90.0, abs=1.0)

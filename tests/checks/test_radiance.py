@@ -5,7 +5,7 @@ from lightdepth.checks import Severity, find_problems
 from .rooms import scene
 
 
-def test_clipped_lights_are_told():
+def test_clipped_lights_are_reported():
     radiance = np.full((32, 64, 3), 0.5, np.float32)
     radiance[4:8, 10:20] = 41.0
     (problem,) = find_problems(scene(radiance=radiance))
@@ -14,6 +14,6 @@ def test_clipped_lights_are_told():
     assert "40 pixels" in problem.message
 
 
-def test_black_panorama_is_told():
+def test_black_panorama_is_reported():
     (problem,) = find_problems(scene(radiance=np.zeros((32, 64, 3), np.float32)))
     assert "black" in problem.message

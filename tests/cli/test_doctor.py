@@ -21,7 +21,7 @@ def test_all_is_well(tmp_path):
         assert words in result.stdout
 
 
-def test_broken_libllvm_is_told_without_an_abort(tmp_path):
+def test_broken_libllvm_is_reported_without_an_abort(tmp_path):
     library = tmp_path / "libLLVM.so"
     library.write_text("no library")
     result = doctor(DRJIT_LIBLLVM_PATH=str(library))

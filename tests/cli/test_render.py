@@ -62,7 +62,7 @@ def first(scene, tmp_path_factory):
     return target, *render(scene, "-o", target, *options)
 
 
-def test_a_program_is_told_how_it_goes(first):
+def test_a_program_is_informed_of_progress(first):
     target, status, events, _ = first
     assert status == 0
     kinds = [event["event"] for event in events]
@@ -85,7 +85,7 @@ def test_a_program_is_told_how_it_goes(first):
     assert events[-1]["file"] == str(target)
 
 
-def test_warnings_and_repairs_are_told_once(first):
+def test_warnings_and_repairs_are_reported_once(first):
     *_, errors = first
     assert errors.count("lights that were clipped") == 1
     assert errors.count("1 pixel has NaN radiance") == 1

@@ -147,7 +147,7 @@ def test_an_empty_frame_stays_empty(denoised):
     assert not result.synthetic.any()
 
 
-def test_a_missing_denoiser_is_told(monkeypatch):
+def test_a_missing_denoiser_is_reported(monkeypatch):
     monkeypatch.setitem(sys.modules, "mitsuba_oidn", None)
     with pytest.raises(SetupError, match=r"pip install 'lightdepth\[denoise\]'"):
         denoise(panorama_frame())

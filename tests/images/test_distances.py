@@ -116,7 +116,7 @@ def test_what_is_not_clear_is_refused(tmp_path):
         assert str(caught.value).startswith(str(path))
 
 
-def test_kinds_are_told_apart_and_converted():
+def test_kinds_are_distinguished_and_converted():
     truth = room()
     forward = pixel_directions(*truth.shape)[..., 1]
     kinds = {"ray": truth, "z": truth * np.abs(forward), "disparity": 2.0 / truth}
@@ -142,7 +142,7 @@ def test_ordinary_rooms_raise_no_doubts(half):
     warn_of_doubts(FILE, depth)
 
 
-def test_doubts_are_told():
+def test_doubts_are_reported():
     truth = room()
     forward = pixel_directions(*truth.shape)[..., 1]
     for values, message in ((truth * np.abs(forward), "--kind z"), (1.0 / truth, "--kind disparity")):

@@ -34,7 +34,7 @@ def pixels(radiance):
     return tone_map(radiance, 0.0, "linear")
 
 
-def test_a_jpeg_is_linearised_and_its_clipping_is_told(tmp_path, pixels):
+def test_a_jpeg_is_linearised_and_its_clipping_is_reported(tmp_path, pixels):
     bright = pixels.copy()
     bright[10:20, 30:40] = 255
     Image.fromarray(bright).save(tmp_path / "p.jpg", quality=98, subsampling=0)

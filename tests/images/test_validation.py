@@ -38,7 +38,7 @@ def test_real_panoramas_pass(shared_data, name):
     assert clipped_plateau(valid) is None
 
 
-def test_negligible_negative_radiance_becomes_black_and_is_told():
+def test_negligible_negative_radiance_becomes_black_and_is_reported():
     radiance = panorama()
     radiance[10, 20, 1] = -1e-4
     (defect,) = find_defects(radiance)

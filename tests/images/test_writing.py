@@ -25,7 +25,7 @@ WRITE = {
 
 
 @pytest.mark.parametrize("name", WRITE)
-def test_a_missing_folder_and_a_folder_in_the_way_are_told(tmp_path, name):
+def test_a_missing_folder_and_a_folder_in_the_way_are_reported(tmp_path, name):
     with pytest.raises(InputError, match="there is no folder"):
         WRITE[name](tmp_path / "absent" / name)
     (tmp_path / name).mkdir()
@@ -59,7 +59,7 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path, name):
     assert [file.read_bytes() for file in tmp_path.iterdir()] == [b"old"]
 
 
-def test_a_folder_without_permission_is_told():
+def test_a_folder_without_permission_is_reported():
     with pytest.raises(InputError, match="exr: cannot be written"):
         check_writable(Path("/proc/x.exr"))
 

@@ -57,7 +57,7 @@ def test_a_meadow_is_open_and_a_room_is_not():
     assert is_open(grey.clip(0, 2), level, False)
 
 
-def test_real_places_are_told_apart(shared_data):
+def test_real_places_are_distinguished(shared_data):
     found = {}
     for path in sorted((shared_data / "hdr").iterdir()):
         found[path.stem] = is_open(read_radiance(path), np.eye(3), "grass" not in path.stem and "park" not in path.stem)

@@ -64,7 +64,7 @@ def test_from_depth(command, tmp_path, panorama, depth):
 
 
 @pytest.mark.filterwarnings("always")
-def test_doubts_about_a_file_are_told(command, tmp_path, depth):
+def test_doubts_about_a_file_are_reported(command, tmp_path, depth):
     """The same room as distances along the viewing axis, from a renderer that writes them without a sign."""
     forward = np.abs(pixel_directions(*depth.shape)[..., 1])
     np.save(tmp_path / "z.npy", depth * forward)

@@ -25,7 +25,7 @@ def test_the_floor_is_found_below_a_large_table():
     np.testing.assert_allclose(found.heights(np.array([[2.0, 0.0, 0.08], [-1.0, 1.0, -0.01]])), 0.0, atol=2e-3)
 
 
-def test_without_a_floor_the_reason_is_told():
+def test_without_a_floor_the_reason_is_reported():
     wall = np.random.default_rng(5).uniform([-3, 2, 0], [3, 2.01, 2.5], (5_000, 3))
     with pytest.raises(InputError, match=r"no floor found.*axis is up"):
         find_floor(wall, np.array([0.0, 0.0, 1.6]), largest_tilt=5.0)

@@ -123,7 +123,7 @@ def test_a_worker_ends_with_its_input_whatever_it_is_doing(folder, client):
         ({"request": "render"}, "the first request must be"),
     ],
 )
-def test_another_version_is_told_before_anything_is_rendered(client, greeting, message):
+def test_another_version_is_reported_before_anything_is_rendered(client, greeting, message):
     assert client.event()["schema"] == SCHEMA
     client.ask(**greeting)
     failure = client.event()

@@ -317,7 +317,7 @@ def test_a_camera_in_a_strange_place_gives_a_picture():
         assert np.isfinite(frame.variance).all()
 
 
-def test_many_objects_of_all_kinds_are_told_apart():
+def test_many_objects_of_all_kinds_are_distinguished():
     things = [
         replace(ball(Diffuse(type="diffuse", color=(0.5, 0.5, 0.5)), (-1.2 + 0.5 * i, 1.5, 0.2), 0.2), name=f"ball {i}")
         for i in range(5)

@@ -64,7 +64,7 @@ def test_the_error_at_convergence_is_that_without_noise(size: float) -> None:
     assert min(plain) > 0.05**2
 
 
-def test_an_error_that_may_be_none_is_told_with_its_bound() -> None:
+def test_an_error_that_may_be_none_is_reported_with_its_bound() -> None:
     exact = np.full((64, 64, 3), 2.0)
     for _ in range(20):
         first, second, truth = two_noisy_images(exact, biased(0.0))
