@@ -4,7 +4,14 @@ Each file knows one kind of mistake. Errors make a rendering meaningless; warnin
 """
 
 from lightdepth.checks.coverage import Coverage, Hole
-from lightdepth.checks.inspection import Inspection, find_problems, forget_checked_places, inspect_file, inspect_scene
+from lightdepth.checks.inspection import (
+    Inspection,
+    find_problems,
+    forget_checked_places,
+    frames_problems,
+    inspect_file,
+    inspect_scene,
+)
 from lightdepth.checks.problem import Problem, Severity
 
 __all__ = [
@@ -15,6 +22,7 @@ __all__ = [
     "Severity",
     "find_problems",
     "forget_checked_places",
+    "frames_problems",
     "inspect_file",
     "inspect_scene",
 ]

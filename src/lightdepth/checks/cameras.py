@@ -20,6 +20,8 @@ MUCH_UNSEEN = 0.15
 """Share of a camera's view that the capture point did not see from which a word is due."""
 FAR = 0.5
 """A camera so far from the capture point, relative to the usual distance of surfaces, shows every error of their model."""
+MOSTLY_CLOSED, MUCH_LESS = 2 / 3, 0.75
+"""As for objects: where the capture point is in a room, and what is not in the same one."""
 AT_CAPTURE_POINT = 1e-3
 """Metres."""
 
@@ -34,6 +36,11 @@ def camera_problems(scene: Scene, view: CaptureView) -> list[Problem]:
     problems = _around(scene)
     for name, camera in scene.cameras.items():
         where = f"[camera.{name}]"
+        if _has_left(camera, view):
+            x, y, z = camera.position
+            message = f"is outside the room, at [{x:.3g}, {y:.3g}, {z:.3g}]: it sees the real surfaces from behind"
+            problems.append(Problem(Severity.WARNING, f"{where}: {message}"))
+            continue
         soft, far = _softness(camera, scene), _far_away(camera, view)
         problems += [Problem(Severity.HINT, f"{where}: {message}") for message in (soft, far) if message is not None]
     return problems
@@ -62,6 +69,16 @@ def _around(scene: Scene) -> list[Problem]:
                     )
                 )
     return problems
+
+
+def _has_left(camera: CameraView, capture: CaptureView) -> bool:
+    """Whether a camera is not in the room in which the capture point is."""
+    covered = capture.share(capture.surface >= 0)
+    if capture.sky or covered <= MOSTLY_CLOSED:
+        return False
+    if np.any((camera.position < capture.low) | (camera.position > capture.high)):
+        return True
+    return enclosure(capture.caster, camera.position) < MUCH_LESS * covered
 
 
 def _softness(view: CameraView, scene: Scene) -> str | None:

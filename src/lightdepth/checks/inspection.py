@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections import OrderedDict
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,12 +17,14 @@ from lightdepth.checks.objects import object_problems, standing_problems
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
+from lightdepth.checks.sequence import Findings, frames_to_check
 from lightdepth.checks.size import size_problems
 from lightdepth.checks.support import support_problems
 from lightdepth.checks.view import CaptureView, look_around
 from lightdepth.errors import InputError, InputWarning
+from lightdepth.scene.frames import SceneFrames
 from lightdepth.scene.identity import digest, place_digest
-from lightdepth.scene.load import read_scene
+from lightdepth.scene.load import Contents
 from lightdepth.scene.model import Scene
 
 KEPT = 2
@@ -44,7 +47,8 @@ class Inspection:
 def inspect_file(path: Path) -> Inspection:
     """Find all that is wrong with a scene file, with the files that it names, and with the scene that they make.
 
-    What can be read is checked also where something else cannot be read.
+    What can be read is checked also where something else cannot be read. Of a sequence, the tables are checked at every
+    frame, the scene at those of :func:`~lightdepth.checks.sequence.frames_to_check`.
 
     Raises:
         SetupError: rays cannot be cast, for libLLVM is missing.
@@ -52,16 +56,44 @@ def inspect_file(path: Path) -> Inspection:
     try:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", InputWarning)
-            contents = read_scene(path)
+            frames = SceneFrames(path)
+            found = _inspect_contents(frames.contents()) if frames.text.sequence is None else _inspect_frames(frames)
     except InputError as error:
         return Inspection((Problem(Severity.ERROR, str(error)),), None)
     said = dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, InputWarning))
     unapplied = [Problem(Severity.WARNING, message) for message in said]
+    return Inspection(_worst_first([*unapplied, *found.problems]), found.coverage)
+
+
+def _inspect_contents(contents: Contents, hints: bool = True) -> Inspection:
     unreadable = [Problem(Severity.ERROR, message) for message in contents.problems]
     if contents.scene is None:
-        return Inspection((*unreadable, *unapplied), None)
-    found = _inspect(contents.scene, contents.unread)
-    return Inspection(_worst_first([*unreadable, *unapplied, *found.problems]), found.coverage)
+        return Inspection(tuple(unreadable), None)
+    found = _inspect(contents.scene, contents.unread, hints)
+    return Inspection((*unreadable, *found.problems), found.coverage)
+
+
+def _inspect_frames(frames: SceneFrames, hints: bool = True) -> Inspection:
+    looked_at, findings, coverage = frames_to_check(frames), Findings(), None
+    wrong_tables = frames.table_problems()
+    for frame in looked_at:
+        found = _inspect_contents(frames.contents(frame), hints)
+        coverage = coverage or found.coverage
+        # Those of the tables are known, with their frames.
+        findings.add(frame, [problem for problem in found.problems if problem.message not in wrong_tables])
+    tables = [Problem(Severity.ERROR, message) for message in wrong_tables]
+    return Inspection((*tables, *findings.all(looked_at)), coverage)
+
+
+def frames_problems(frames: SceneFrames) -> list[Problem]:
+    """Find what will spoil pictures of a sequence, the worst first; what may be an oversight is left out.
+
+    Raises:
+        InputError: there is no sequence.
+        SetupError: rays cannot be cast, for libLLVM is missing.
+    """
+    found = _inspect_frames(frames, hints=False).problems
+    return [problem for problem in _worst_first(found) if problem.severity is not Severity.HINT]
 
 
 def find_problems(scene: Scene, hints: bool = True) -> list[Problem]:
@@ -169,6 +201,6 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
     return Inspection(_worst_first(problems), checked.coverage)
 
 
-def _worst_first(problems: list[Problem]) -> tuple[Problem, ...]:
+def _worst_first(problems: Iterable[Problem]) -> tuple[Problem, ...]:
     order = list(Severity)
     return tuple(sorted(problems, key=lambda problem: order.index(problem.severity)))

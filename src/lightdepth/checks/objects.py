@@ -24,6 +24,8 @@ MOSTLY_CLOSED = 2 / 3
 the rest is declared sky, from ``CLOSED`` on."""
 MUCH_LESS = 0.75
 """An object that is enclosed by less than this part of what encloses the capture point is not in the same room."""
+BEYOND, PART_BEYOND = 0.01, 0.1
+"""Metres, and share of an object's surface, that may be beyond all real surfaces: models of places are rough."""
 POINTS = 400
 """Points on each object that are looked at."""
 MOST_KNOWN = 256
@@ -75,7 +77,9 @@ def _problems_of(thing: SyntheticObject, view: CaptureView) -> list[Problem]:
     points, normals = surface_points(mesh.vertices, mesh.faces, POINTS)
     if not len(points):
         return []
-    return _named(thing, _out_of_sight(points, view, is_lamp(thing)) or _coinciding(points, normals, view))
+    lamp = is_lamp(thing)
+    gone = _out_of_sight(points, view, lamp) or (None if lamp else _through(points, view))
+    return _named(thing, gone or _coinciding(points, normals, view))
 
 
 def _named(thing: SyntheticObject, problem: Problem | None) -> list[Problem]:
@@ -111,6 +115,20 @@ def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) ->
     return Problem(
         Severity.WARNING,
         "is wholly behind or inside real surfaces as seen from the capture point; only cameras elsewhere can see it",
+    )
+
+
+def _through(points: NDArray[np.float64], view: CaptureView) -> Problem | None:
+    """An object of which a part is beyond everything that is real; what reaches into the floor is a hint of its own."""
+    if view.sky or view.share(view.surface >= 0) <= MOSTLY_CLOSED:
+        return None
+    low = view.low - [BEYOND, BEYOND, np.inf]
+    beyond = np.any((points < low) | (points > view.high + BEYOND), axis=1)
+    if beyond.mean() < PART_BEYOND:
+        return None
+    return Problem(
+        Severity.WARNING,
+        f"goes through a wall or the ceiling: {100.0 * beyond.mean():.0f} % of it is beyond all real surfaces",
     )
 
 

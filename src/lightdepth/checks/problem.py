@@ -24,7 +24,9 @@ class Problem:
     Attributes:
         severity: how bad it is.
         message: which part of the scene, what was found, and what is right, in one line.
+        frames: of a sequence, at which it was found; empty for a scene that does not move.
     """
 
     severity: Severity
     message: str
+    frames: tuple[float, ...] = ()

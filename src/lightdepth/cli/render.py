@@ -27,8 +27,17 @@ def render(
     scene: Annotated[Path, typer.Argument(help="The scene file (TOML).")],
     camera: Annotated[str | None, typer.Option(help="Name of the camera; the first by default.")] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="The EXR file to write; a PNG is written beside it.")
+        Path | None,
+        typer.Option("-o", "--output", help="The EXR file to write, shot.####.exr of a sequence; a PNG is beside it."),
     ] = None,
+    frames: Annotated[
+        str | None, typer.Option(help="Frames of the scene's [sequence] to render, as 1-240 or 7,10-20.")
+    ] = None,
+    step: Annotated[int, typer.Option(min=1, help="Of --frames, render every so many-th one.")] = 1,
+    force: Annotated[bool, typer.Option("--force", help="Render also the --frames that are there.")] = False,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Only report which --frames are missing or outdated.")
+    ] = False,
     samples: Annotated[int | None, typer.Option(min=1, help="Samples per influenced pixel.")] = None,
     noise: Annotated[
         float | None, typer.Option(min=1e-6, help="Stop where the estimated relative error is below this.")
@@ -69,9 +78,13 @@ def render(
     Writes the linear HDR picture with its layers as OpenEXR, and a tone-mapped PNG beside it. Ctrl-C writes what has
     been rendered so far. A long rendering keeps a checkpoint beside the output, from which `--resume` goes on.
 
+    With `--frames`, the frames that are missing or outdated are rendered; the same command may run several times at once,
+    here and on other machines.
+
     Example: lightdepth render examples/lounge/scene.toml --camera view -o out/view.exr --samples 64
     """
     from lightdepth.api import load_scene
+    from lightdepth.cli.sequence import render_sequence
     from lightdepth.film.checkpoint import checkpoint_beside
     from lightdepth.film.sums import Share
     from lightdepth.packages import require_package
@@ -82,6 +95,38 @@ def render(
         require_package("mitsuba_oidn", "denoise")
     chosen = chosen_layers(layers or ("none" if draft else "all"))
     part = Share() if share is None else Share.parse(share)
+    if frames is not None:
+        still = {
+            "--share": share is not None,
+            "--resume": resume,
+            "--region": region is not None,
+            "--preview-seconds": preview_seconds is not None,
+            "--checkpoint-seconds": checkpoint_seconds is not None,
+        }
+        if given := [option for option, used in still.items() if used]:
+            raise InputError(f"{', '.join(given)}: for a still, not with --frames")
+        job = Job(camera, samples, noise, method, seed, draft, denoise, cache=not no_cache)
+        with Interruption() as interruption:
+            render_sequence(
+                scene,
+                frames,
+                step,
+                output,
+                job,
+                chosen,
+                exposure,
+                repair,
+                device,
+                force,
+                verify,
+                progress,
+                interruption,
+            )
+        return
+    if force or verify or step != 1:
+        raise InputError("--force, --verify and --step go with --frames")
+    if output is not None and "#" in output.name:
+        raise InputError(f"-o {output}: numbered files are for a sequence; say which --frames")
     with Interruption() as interruption:
         try:
             loaded = load_scene(scene, repair)

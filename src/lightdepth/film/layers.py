@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ _METADATA = "lightdepth:"
 _ENVIRONMENT_MAPS = {"latlong": OpenEXR.ENVMAP_LATLONG}
 
 
-def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None) -> None:
+def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None, rate: Fraction | None = None) -> None:
     """Write a frame as OpenEXR: the finished image as ``R G B A`` first, then each layer as a part with its name.
 
     ``A`` is 1 inside the camera's image; the part ``alpha`` holds the new objects' coverage. The parts of a full
@@ -52,6 +53,7 @@ def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None)
         path: where to write; the file appears whole or not at all.
         frame: what to write.
         layers: names out of ``LAYERS`` to write beside the finished image; ``None`` means all that the frame has.
+        rate: frames per second, for a frame of a sequence.
 
     Raises:
         InputError: a layer's name is unknown, or the file cannot be written.
@@ -62,6 +64,8 @@ def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None)
     layout = frame.topology.environment_map
     marks: dict[str, Any] = {} if layout is None else {"envmap": _ENVIRONMENT_MAPS[layout]}
     header = {**marks, **{_METADATA + name: value for name, value in frame.metadata.items()}}
+    if rate is not None:
+        header["framesPerSecond"] = rate
     planes: dict[str, Any] = {"RGB": frame.beauty, "A": frame.alpha}
     if frame.mattes is not None and (layers is None or "cryptomatte" in layers):
         # In the first part, which is the only one that many programs search for them.

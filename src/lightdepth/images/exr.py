@@ -126,6 +126,15 @@ class ExrReader:
         planes = [self._pixels(part, channel, channel + 1) for channel in wanted]
         return self._in_display_window(part, np.concatenate(planes, axis=2))
 
+    def is_whole(self) -> bool:
+        """Whether the end of every part can be read; one that is cut off lacks it."""
+        for part in self.headers:
+            end = part.data_window[1] + part.data_window[3]
+            if self._input.read_scanlines(part.index, 0, end - 1, end, 0, 0, 1, part.types[0]) is None:
+                _pending_error(self._input)
+                return False
+        return True
+
     def _headers(self) -> Iterator[ExrHeader]:
         index = 0
         while self._input.seek_subimage(index, 0):

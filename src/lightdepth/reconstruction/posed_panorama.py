@@ -14,6 +14,7 @@ from lightdepth.errors import InputError
 from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.validation import validate_panorama
 from lightdepth.reconstruction.pose import Pose
+from lightdepth.scene.animation import Animation
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.schema import PanoramaTable, SceneFile
 from lightdepth.toml_file import read_toml
@@ -102,7 +103,9 @@ def parse_three(text: str | None, option: str) -> Three | None:
 
 def _panorama_table(path: Path) -> PanoramaTable:
     text, document = read_toml(path)
-    document = {key: value for key, value in document.items() if key == "panorama"}
+    document = {key: value for key, value in document.items() if key in ("panorama", "sequence")}
+    animation = Animation(document)
+    document = animation.at(animation.sequence.first if animation.sequence else 0)
     try:
         return SceneFile.model_validate(document, context={"folder": path.parent}).panorama
     except ValidationError as error:

@@ -38,7 +38,7 @@ from lightdepth.scene.model import (
     SyntheticPart,
 )
 from lightdepth.scene.problems import Problems
-from lightdepth.scene.scene_file import read_tables
+from lightdepth.scene.scene_file import SceneText, Tables
 from lightdepth.scene.schema import CapturePose, MeshObject, OnSpot, Picture, RealTable, SphereObject, UnitShapeObject
 from lightdepth.scene.spot import angles_direction, find_spot, pixel_direction, standing_placement
 
@@ -55,60 +55,71 @@ class Contents:
             out; impossible radiance is replaced; ``NO_PICTURE`` stands for an image that cannot be read.
         unread: how many of the real surfaces are left out.
         problems: a line each, in the order of the file; empty where all is well.
+        tables: what the scene file says.
+        meshes: what the mesh files of the objects hold, by path and whether their materials were read.
     """
 
     scene: Scene | None
     unread: int
     problems: tuple[str, ...]
+    tables: Tables
+    meshes: dict[tuple[Path, bool], list[MeshPart]]
 
 
-def load_scene(path: Path | str, repair: bool = False) -> Scene:
+def load_scene(path: Path | str, repair: bool = False, frame: float | None = None) -> Scene:
     """Load a scene file and everything that it names.
 
     Args:
         path: the TOML file; paths in it are relative to its folder.
         repair: replace NaN, infinite and negative radiance of the panorama instead of refusing it.
+        frame: of the file's ``[sequence]``, whole or in between; the first one by default.
 
     Returns:
         The scene, meshes in world space. A file without cameras has one, ``pano``: the panorama's own view.
 
     Raises:
         InputError: the file, or a file that it names, is missing, unreadable or wrong. The message has a line for
-            each problem.
+            each problem. Or the sequence has no such frame.
     """
-    contents = read_scene(Path(path), repair)
+    contents = read_scene(Path(path), repair, frame)
     if contents.problems or contents.scene is None:
         raise InputError("\n".join(contents.problems))
     return contents.scene
 
 
-def read_scene(path: Path, repair: bool = False) -> Contents:
+def read_scene(
+    file: Path | SceneText, repair: bool = False, frame: float | None = None, earlier: Contents | None = None
+) -> Contents:
     """Read what can be read of a scene, and note everything that is wrong with its files.
 
-    Takes the arguments of :func:`load_scene`.
+    Args:
+        file: the scene file, or what it says.
+        repair: as for :func:`load_scene`.
+        frame: as for :func:`load_scene`.
+        earlier: the same file at another frame; what is the same there is taken from it.
 
     Raises:
-        InputError: the scene file itself is missing, cannot be read, or is not TOML.
+        InputError: the scene file itself is missing, cannot be read, or is not TOML, or there is no such frame.
     """
-    tables, problems = read_tables(path)
-    real: list[RealSurface] = []
-    for number, surface in enumerate(tables.real):
-        with problems.noting(("real", number)):
-            real += [] if surface is None else [_real_surface(surface)]
+    text = SceneText(file) if isinstance(file, Path) else file
+    path = text.path
+    tables, problems = text.tables(frame)
     pose = tables.pose or CapturePose()
-    panorama = _panorama(pose, tables.picture, repair, problems)
-    lights: list[SunLight] = []
-    for number, light in enumerate(tables.lights):
-        with problems.noting(("light", number)):
-            if isinstance(light, ClippedTable) and panorama.radiance.size:
-                light_map = unclipped(panorama.light_radiance, light.source())
-                panorama = replace(panorama, unclipped=light_map)
-            elif isinstance(light, SunTable):
-                lights.append(_sun(light))
+    known = earlier if earlier is not None and _same_place(tables, earlier) else None
+    if known is not None and known.scene is not None:
+        panorama, real, lights = known.scene.panorama, list(known.scene.real), list(known.scene.lights)
+    else:
+        panorama, real, lights = _read_place(tables, repair, problems)
+    meshes = {} if earlier is None else earlier.meshes
+    standing = {} if known is None or known.scene is None else {thing.name: thing for thing in known.scene.synthetic}
+    same = [] if known is None else [table for table in known.tables.synthetic if table is not None]
     synthetic: list[SyntheticObject] = []
     for number, thing in enumerate(tables.synthetic):
         with problems.noting(("synthetic", number)):
-            synthetic += [] if thing is None else [_synthetic_object(thing, panorama, real)]
+            if thing is not None and thing in same and thing.name in standing:
+                synthetic.append(standing[thing.name])
+            elif thing is not None:
+                synthetic.append(_synthetic_object(thing, panorama, real, meshes))
     cameras: dict[str, CameraView] = {}
     for name, camera in tables.cameras.items():
         with problems.noting(("camera", name)):
@@ -126,7 +137,38 @@ def read_scene(path: Path, repair: bool = False) -> Contents:
         path,
         lights=tuple(lights),
     )
-    return Contents(None if tables.pose is None else scene, len(tables.real) - len(real), problems.messages)
+    unread = len(tables.real) - len(real)
+    return Contents(None if tables.pose is None else scene, unread, problems.messages, tables, meshes)
+
+
+def _same_place(tables: Tables, earlier: Contents) -> bool:
+    """Whether what belongs to the place is the same, and was read without a problem."""
+    other = earlier.tables
+    same = (tables.pose, tables.picture, tables.real, tables.lights) == (
+        other.pose,
+        other.picture,
+        other.real,
+        other.lights,
+    )
+    return same and not earlier.problems
+
+
+def _read_place(tables: Tables, repair: bool, problems: Problems) -> tuple[Panorama, list[RealSurface], list[SunLight]]:
+    """What was photographed: panorama, real surfaces and suns, as far as they can be read."""
+    real: list[RealSurface] = []
+    for number, surface in enumerate(tables.real):
+        with problems.noting(("real", number)):
+            real += [] if surface is None else [_real_surface(surface)]
+    panorama = _panorama(tables.pose or CapturePose(), tables.picture, repair, problems)
+    lights: list[SunLight] = []
+    for number, light in enumerate(tables.lights):
+        with problems.noting(("light", number)):
+            if isinstance(light, ClippedTable) and panorama.radiance.size:
+                light_map = unclipped(panorama.light_radiance, light.source())
+                panorama = replace(panorama, unclipped=light_map)
+            elif isinstance(light, SunTable):
+                lights.append(_sun(light))
+    return panorama, real, lights
 
 
 def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems: Problems) -> Panorama:
@@ -189,10 +231,16 @@ def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.float
 
 
 def _synthetic_object(
-    table: MeshObject | SphereObject | UnitShapeObject, panorama: Panorama, real: Sequence[RealSurface]
+    table: MeshObject | SphereObject | UnitShapeObject,
+    panorama: Panorama,
+    real: Sequence[RealSurface],
+    meshes: dict[tuple[Path, bool], list[MeshPart]],
 ) -> SyntheticObject:
     if isinstance(table, MeshObject):
-        parts = read_mesh_file(table.mesh, with_materials=table.material is None)
+        key = table.mesh, table.material is None
+        if key not in meshes:
+            meshes[key] = read_mesh_file(table.mesh, with_materials=table.material is None)
+        parts = meshes[key]
         to_world = _to_world(table, [part.mesh for part in parts], panorama, real)
         standing = [_part(part, to_world, table) for part in parts]
         pieces = [piece for part in standing for half in split_mirrored(part) for piece in split_emissive(half)]

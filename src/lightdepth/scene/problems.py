@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import types
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -37,10 +37,17 @@ class Problems:
 
     def add(self, path: KeyPath, message: str, key: str | None = None) -> None:
         """Note a problem at a key path of the file, which may stand on the line of a further key there."""
+        self._messages.append(self._located(path, message, key))
+
+    def located(self, path: KeyPath, message: str) -> str:
+        """A message with the key path of the file that it is about."""
+        return self._located(path, message)[1]
+
+    def _located(self, path: KeyPath, message: str, key: str | None = None) -> tuple[int, str]:
         table, position, keys, title = _split(path, self._document)
         line = self._lines.line_of(table, position, keys if key is None else (*keys, key))
         where = [str(self._path) + (f":{line}" if line else ""), *([title] if title else []), *keys]
-        self._messages.append((line or 0, ": ".join([*where, message])))
+        return line or 0, ": ".join([*where, message])
 
     @contextmanager
     def noting(self, path: KeyPath) -> Iterator[None]:
@@ -50,11 +57,27 @@ class Problems:
         except InputError as error:
             self.add(path, str(error))
 
-    def add_all(self, error: ValidationError, model: type[BaseModel]) -> None:
-        """Note every problem that pydantic found while it validated ``model``."""
+    def add_all(
+        self,
+        error: ValidationError,
+        model: type[BaseModel],
+        known: Collection[KeyPath] = (),
+        notes: Mapping[KeyPath, str] | None = None,
+    ) -> None:
+        """Note every problem that pydantic found while it validated ``model``.
+
+        Args:
+            error: what it found.
+            model: the type of the whole file.
+            known: key paths whose problems have been noted before.
+            notes: by key path, what to add to a message about it.
+        """
         for details in error.errors(include_url=False):
             path, expected = _without_tags(details["loc"], model)
+            if any(path[: len(other)] == other for other in known):
+                continue
             message = _message(details, expected)
+            message += next((note for other, note in (notes or {}).items() if path[: len(other)] == other), "")
             if details["type"] in ("extra_forbidden", "missing") and isinstance(path[-1], str):
                 self.add(path[:-1], message, str(path[-1]))
             else:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from lightdepth.cameras import Camera, CameraSettings
+from lightdepth.errors import InputError, warn
+from lightdepth.scene.animation import Animation, SequenceTable
 from lightdepth.scene.lights import ClippedTable, LightSettings, SunTable
-from lightdepth.scene.problems import Problems
+from lightdepth.scene.problems import KeyPath, Problems
 from lightdepth.scene.schema import (
     CapturePose,
     MeshObject,
@@ -39,6 +41,7 @@ class Tables:
         synthetic: the ``[[synthetic]]`` tables in the order of the file.
         cameras: the ``[camera.NAME]`` tables by name.
         render: ``[render]``.
+        frame: the frame of ``[sequence]`` at which they are; ``None`` where there is no sequence.
     """
 
     pose: CapturePose | None
@@ -48,31 +51,94 @@ class Tables:
     synthetic: list[MeshObject | SphereObject | UnitShapeObject | None]
     cameras: dict[str, Camera | None]
     render: RenderTable | None
+    frame: float | None = None
 
 
-def read_tables(path: Path) -> tuple[Tables, Problems]:
-    """Read a scene file, without the files that it names.
+class SceneText:
+    """What a scene file says, at any of its frames.
 
-    Returns:
-        Its tables, and everything that is wrong with them. A table with unknown keys is given without these.
-
-    Raises:
-        InputError: the file is missing, cannot be read, or is not TOML.
+    Attributes:
+        path: the file.
+        animation: its tables of keys.
     """
-    text, document = read_toml(path)
-    problems = Problems(path, text, document)
+
+    def __init__(self, path: Path) -> None:
+        """Read a scene file, without the files that it names.
+
+        Raises:
+            InputError: the file is missing, cannot be read, or is not TOML.
+        """
+        self.path = path
+        self._text, self._document = read_toml(path)
+        self.animation = Animation(self._document)
+        for place, message in self.animation.cautions:
+            warn(self._problems().located(place, message))
+
+    @property
+    def sequence(self) -> SequenceTable | None:
+        """``[sequence]``; ``None`` where there is none, or a wrong one."""
+        return self.animation.sequence
+
+    def frame(self, frame: float | None) -> float | None:
+        """The frame that is meant: the first of the sequence by default; ``None`` where there is no sequence.
+
+        Raises:
+            InputError: there is no such frame.
+        """
+        if self.sequence is None:
+            if frame is not None and "sequence" not in self._document:
+                raise InputError(
+                    f"{self.path}: has no frame {frame:g}: it lacks [sequence] with frames = [first, last]"
+                )
+            return None
+        first, last = self.sequence.frames
+        if frame is not None and not first <= frame <= last:
+            raise InputError(f"{self.path}: has no frame {frame:g}; its [sequence] has frames {first} to {last}")
+        return float(first) if frame is None else float(frame)
+
+    def tables(self, frame: float | None = None) -> tuple[Tables, Problems]:
+        """The tables at a frame, by default the first one.
+
+        Returns:
+            The tables, and everything that is wrong with them. A table with unknown keys is given without these.
+
+        Raises:
+            InputError: there is no such frame.
+        """
+        frame = self.frame(frame)
+        problems = self._problems()
+        for place, message in self.animation.mistakes:
+            problems.add(place, message)
+        document = self.animation.at(0.0 if frame is None else frame)
+        known = [place for place, _ in self.animation.mistakes]
+        notes = {} if frame is None else dict.fromkeys(self.animation.keys, f" (at frame {frame:g})")
+        tables = _checked(document, self.path.parent, problems, known, notes)
+        return replace(tables, frame=frame), problems
+
+    def _problems(self) -> Problems:
+        return Problems(self.path, self._text, self._document)
+
+
+def _checked(
+    document: Mapping[str, Any],
+    folder: Path,
+    problems: Problems,
+    known: Collection[KeyPath],
+    notes: Mapping[KeyPath, str],
+) -> Tables:
+    """The tables of a document without keys; what is wrong with it is noted."""
     for array in ("real", "light", "synthetic"):
         _note_duplicates(array, document, problems)
     panorama = document.get("panorama")
     if not document.get("real") and isinstance(panorama, dict) and "depth" not in panorama:
         problems.add((), "no real geometry: give [[real]] meshes of the place, or the depth of the [panorama]")
-    context = {"folder": path.parent}
+    context = {"folder": folder}
     try:
         file = SceneFile.model_validate(document, context=context)
     except ValidationError as error:
-        problems.add_all(error, SceneFile)
-        return _right_tables(document, context), problems
-    tables = Tables(
+        problems.add_all(error, SceneFile, known, notes)
+        return _right_tables(document, context)
+    return Tables(
         file.panorama,
         file.panorama,
         list(file.real),
@@ -81,7 +147,6 @@ def read_tables(path: Path) -> tuple[Tables, Problems]:
         dict(file.camera),
         file.render,
     )
-    return tables, problems
 
 
 def _right_tables(document: Mapping[str, Any], context: Mapping[str, Any]) -> Tables:

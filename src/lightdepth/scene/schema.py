@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
 
 from lightdepth.cameras import CameraSettings
+from lightdepth.scene.animation import SequenceTable
 from lightdepth.scene.lights import LightSettings
 from lightdepth.scene.materials import MaterialSettings
 from lightdepth.scene.values import InputFile, Name, Number, Pair, Scale, Table, Vector3, Whole
@@ -173,4 +174,5 @@ class SceneFile(Table):
     synthetic: list[SyntheticTable] = Field(default_factory=list)
     camera: dict[Name, CameraSettings] = Field(default_factory=dict)
     render: RenderTable = RenderTable()
+    sequence: SequenceTable | None = None
     format: Annotated[Whole, Field(ge=1), AfterValidator(_known_format)] = 1

@@ -118,8 +118,48 @@ class Done(Event):
     exposure: float | None = None
 
 
+@dataclass(frozen=True)
+class SequenceProgress(Event):
+    """How far a sequence is; the other events in between are of the frame that is being rendered.
+
+    Attributes:
+        frame: the one that is being rendered here; ``None`` between two.
+        total: frames that are wanted.
+        done: those of them that are there.
+        elsewhere: those that other processes are rendering, as far as is known.
+        fraction: of all frames, with the part of the one at work.
+        seconds_left: until all are there; ``None`` before it can be estimated.
+    """
+
+    kind: ClassVar[str] = "sequence"
+    frame: int | None
+    total: int
+    done: int
+    elsewhere: int
+    fraction: float
+    seconds_left: float | None
+
+
+@dataclass(frozen=True)
+class FrameState(Event):
+    """What has become of a frame, or what is on disk of it.
+
+    Attributes:
+        frame: its number.
+        file: its file.
+        state: ``rendered``, by this process; ``delivered``, by another one meanwhile; or as it was found: ``current``,
+            ``missing``, ``outdated`` or ``damaged``.
+    """
+
+    kind: ClassVar[str] = "frame"
+    frame: int
+    file: str
+    state: str
+
+
 KINDS: dict[str, type[Event]] = {
-    event.kind: event for event in (Hello, Stage, Progress, Picture, Caution, Failure, Done)
+    event.kind: event
+    for event in (Hello, Stage, Progress, Picture, Caution, Failure, Done, SequenceProgress, FrameState)
 }
 """The events by their kind. A new one is a class and its name here."""
 

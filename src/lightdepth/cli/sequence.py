@@ -1,0 +1,228 @@
+"""`lightdepth render --frames`: the frames of a scene that moves."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections import defaultdict
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from lightdepth.errors import InputError, LightdepthError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from lightdepth.cli.render import Interruption
+    from lightdepth.kernel.start import Device
+    from lightdepth.scene.frames import SceneFrames
+    from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
+    from lightdepth.session.events import Event, SequenceProgress
+    from lightdepth.session.session import Job
+
+UNFINISHED = 1
+"""Exit status of ``--verify`` where frames are missing or not what would be rendered now."""
+DIGITS = 4
+WORDS = {
+    "missing": "missing",
+    "outdated": "made from another scene, other settings or files, or by another version",
+    "damaged": "not whole",
+    "current": "as they would be rendered now",
+}
+
+
+def render_sequence(
+    scene: Path,
+    frames: str,
+    step: int,
+    output: Path | None,
+    job: Job,
+    layers: Collection[str] | None,
+    exposure: float,
+    repair: bool,
+    device: Device,
+    force: bool,
+    verify: bool,
+    progress: str,
+    interruption: Interruption,
+) -> None:
+    """Render the frames of a sequence that are not there, or say what is there.
+
+    Raises:
+        InputError, SetupError: as for a still.
+        typer.Exit: it was interrupted, or ``verify`` finds that something is missing.
+    """
+    from lightdepth.api import find_camera
+    from lightdepth.scene.frames import SceneFrames
+    from lightdepth.sequence.numbering import FrameFiles, parsed_frames
+    from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
+
+    moving = SceneFrames(scene, repair)
+    numbers = parsed_frames(frames, step, moving.sequence)
+    loaded = moving.scene(numbers[0])
+    find_camera(loaded, job.camera)
+    name = job.camera or next(iter(loaded.cameras))
+    files = FrameFiles(output or Path(f"{scene.stem}-{name}.{'#' * DIGITS}.exr"))
+    wanted = SequenceJob(numbers, files, job, layers, exposure, force)
+    with _Reporter(progress, wanted) as reporter:
+        rendering = SequenceRendering(moving, wanted, device, reporter.report)
+        reporter.begin()
+        if verify:
+            _verify(rendering, wanted, reporter)
+        else:
+            _render(rendering, moving, wanted, reporter, interruption)
+
+
+def _verify(rendering: SequenceRendering, wanted: SequenceJob, reporter: _Reporter) -> None:
+    from lightdepth.sequence.fingerprint import State
+    from lightdepth.session.events import Done, FrameState
+
+    states = rendering.states()
+    for number, state in states.items():
+        reporter.report(FrameState(number, str(wanted.files.file(number)), state))
+    unfinished = any(state is not State.CURRENT for state in states.values())
+    reporter.report(Done(str(wanted.files.pattern), interrupted=unfinished))
+    reporter.print_states()
+    if unfinished:
+        raise typer.Exit(UNFINISHED)
+
+
+def _render(
+    rendering: SequenceRendering,
+    moving: SceneFrames,
+    wanted: SequenceJob,
+    reporter: _Reporter,
+    interruption: Interruption,
+) -> None:
+    from lightdepth.cli.render import INTERRUPTED
+    from lightdepth.session.events import Done, Failure
+
+    try:
+        _refuse_errors(moving, wanted)
+        interruption.wait = True
+        reporter.interruption = interruption
+        complete = rendering.run(lambda: interruption.asked)
+    except LightdepthError as error:
+        reporter.report(Failure(str(error)))
+        raise
+    except KeyboardInterrupt:
+        complete = False
+    reporter.report(Done(str(wanted.files.pattern), interrupted=not complete))
+    reporter.end(complete)
+    if not complete:
+        raise typer.Exit(INTERRUPTED)
+
+
+def _refuse_errors(moving: SceneFrames, wanted: SequenceJob) -> None:
+    """Find at the start what would stop the work at one of its frames.
+
+    Raises:
+        InputError: there is such a thing; a line for each.
+    """
+    from lightdepth.checks import Severity, frames_problems
+
+    first, last = wanted.numbers[0], wanted.numbers[-1]
+    found = [
+        f"{moving.path}: {problem.message}"
+        for problem in frames_problems(moving)
+        if problem.severity is Severity.ERROR
+        and (not problem.frames or any(first <= frame <= last for frame in problem.frames))
+    ]
+    if found:
+        raise InputError("\n".join(found))
+
+
+class _Reporter:
+    """Tells of a sequence's events: as a bar for persons, as a JSON object a line for programs, or in the end only."""
+
+    def __init__(self, kind: str, wanted: SequenceJob) -> None:
+        self._kind, self._wanted = kind, wanted
+        self._console = Console(stderr=True, highlight=False, soft_wrap=True)
+        self._frames: dict[str, list[int]] = defaultdict(list)
+        self._told = False
+        self.interruption: Interruption | None = None
+        self._bar: Progress | None = None
+        if kind == "bar":
+            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[facts]}")
+            self._bar = Progress(*columns, console=self._console, transient=False)
+            self._task = self._bar.add_task("frames", total=1.0, facts="")
+
+    def __enter__(self) -> _Reporter:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def begin(self) -> None:
+        """Say who speaks."""
+        from lightdepth.session.events import Hello
+
+        self.report(Hello(metadata.version("lightdepth")))
+
+    def report(self, event: Event) -> None:
+        """Tell of an event."""
+        from lightdepth.session.events import Caution, FrameState, SequenceProgress
+
+        if self._kind == "json":
+            sys.stdout.write(event.to_json() + "\n")
+            sys.stdout.flush()
+        if isinstance(event, Caution):
+            self._console.print(f"warning: {event.message}", style="yellow", markup=False)
+        elif isinstance(event, FrameState):
+            self._frames[event.state].append(event.frame)
+        elif isinstance(event, SequenceProgress):
+            self._progress(event)
+
+    def _progress(self, event: SequenceProgress) -> None:
+        if self.interruption is not None and self.interruption.asked and not self._told:
+            self._told = True
+            self._console.print("finishing this frame; Ctrl-C again drops it", style="yellow")
+        if self._bar is None:
+            return
+        self._bar.start()
+        at = "" if event.frame is None else f"frame {event.frame}, "
+        others = f", {event.elsewhere} elsewhere" if event.elsewhere else ""
+        left = "" if event.seconds_left is None else f", {_span(event.seconds_left)} left"
+        facts = f"{at}{event.done} of {event.total} done{others}{left}"
+        self._bar.update(self._task, completed=event.fraction, facts=facts)
+
+    def print_states(self) -> None:
+        """Say what is on disk."""
+        from lightdepth.sequence.numbering import told_frames
+
+        if self._kind == "json":
+            return
+        for state, words in WORDS.items():
+            if numbers := self._frames[state]:
+                count = f"{len(numbers)} of {len(self._wanted.numbers)}"
+                self._console.print(f"{count} {words}: {told_frames(numbers)}", markup=False)
+
+    def end(self, complete: bool) -> None:
+        """Say what was done, and how to go on."""
+        from lightdepth.sequence.numbering import told_frames
+
+        if self._bar is not None:
+            self._bar.stop()
+        if self._kind != "json":
+            made, total = self._frames["rendered"], len(self._wanted.numbers)
+            parts = [f"rendered {len(made)} of {total} frames" + (f" ({told_frames(made)})" if made else "")]
+            if kept := self._frames["current"]:
+                parts.append(f"{len(kept)} were there")
+            if others := self._frames["delivered"]:
+                parts.append(f"{len(others)} came from other processes")
+            self._console.print(f"{', '.join(parts)}: {self._wanted.files.pattern}", markup=False)
+        if not complete:
+            command = shlex.join(["lightdepth", *sys.argv[1:]])
+            self._console.print(f"interrupted; the same command goes on: {command}", style="yellow", markup=False)
+
+
+def _span(seconds: float) -> str:
+    minutes, seconds = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours}:{minutes:02}:{seconds:02}" if hours else f"{minutes}:{seconds:02}"

@@ -1,0 +1,6 @@
+"""Keys in the scene file: a file that moves becomes an ordinary one at each frame."""
+
+from lightdepth.scene.animation.document import Animation
+from lightdepth.scene.animation.sequence import SequenceTable
+
+__all__ = ["Animation", "SequenceTable"]

@@ -1,0 +1,51 @@
+"""``[sequence]``: which frames there are, and how fast they follow each other."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Annotated
+
+from pydantic import Field, model_validator
+
+from lightdepth.scene.values import Number, Table, Whole
+
+LONGEST = 1_000_000
+"""Frames of one sequence; more are a slip of the pen."""
+FrameNumber = Annotated[Whole, Field(ge=0, le=LONGEST)]
+
+
+class SequenceTable(Table):
+    """``[sequence]``.
+
+    Attributes:
+        frames: the first and the last frame.
+        fps: frames per second; 23.976, 29.97 and 59.94 mean 24000/1001, 30000/1001 and 60000/1001.
+    """
+
+    frames: tuple[FrameNumber, FrameNumber]
+    fps: Annotated[Number, Field(gt=0.0, le=1000.0)] = 24.0
+
+    @model_validator(mode="after")
+    def _forward(self) -> SequenceTable:
+        if self.frames[0] > self.frames[1]:
+            raise ValueError(f"frames = [first, last]: {self.frames[0]} comes after {self.frames[1]}")
+        return self
+
+    @property
+    def first(self) -> int:
+        """The first frame."""
+        return self.frames[0]
+
+    @property
+    def last(self) -> int:
+        """The last frame."""
+        return self.frames[1]
+
+    @property
+    def rate(self) -> Fraction:
+        """Frames per second, exactly."""
+        whole = round(self.fps)
+        ntsc = Fraction(whole * 1000, 1001)
+        if self.fps != whole and abs(self.fps - float(ntsc)) < 0.006:
+            return ntsc
+        return Fraction(self.fps).limit_denominator(1001)

@@ -1,0 +1,228 @@
+"""`lightdepth render --frames`: what is rendered, again, by whom, and how it ends."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from fractions import Fraction
+
+import OpenEXR
+import pytest
+
+from lightdepth.film.layers import read_frame
+from lightdepth.images.exr import read_exr
+
+from .room_folder import edit, make_room
+
+PROGRAM = [sys.executable, "-c", "from lightdepth.cli.app import main; main()"]
+LAST = 7
+KEYS = f"{{{{ frame = [1, {LAST}], value = [{{}}, {{}}] }}}}"
+
+
+def start(*arguments):
+    return subprocess.Popen(
+        [*PROGRAM, "render", *map(str, arguments)],
+        env={**os.environ, "COLUMNS": "1000"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def render(*arguments):
+    """Exit status, events, standard error."""
+    process = start(*arguments, "--progress", "json")
+    output, errors = process.communicate(timeout=500)
+    assert "Traceback" not in errors
+    return process.returncode, [json.loads(line) for line in output.splitlines()], errors
+
+
+def states(events):
+    return {event["frame"]: event["state"] for event in events if event["event"] == "frame"}
+
+
+def pixels(path):
+    parts = read_exr(path)
+    return [(part.name, name, plane.tobytes()) for part in parts for name, plane in part.channels.items()]
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory):
+    """A camera travels past a ball that rolls."""
+    scene = make_room(tmp_path_factory.mktemp("room"))
+    edit(scene, "[panorama]", f"[sequence]\nframes = [1, {LAST}]\nfps = 23.976\n\n[panorama]")
+    position = KEYS.format("[0, 0, 1.3]", "[0.6, -0.4, 1.3]")
+    edit(scene, "height = 9", f"height = 9\nlook_at = [0.5, 1, 0.3]\nposition = {position}")
+    edit(scene, "center = [0.5, 1.0, 0.3]", "center = " + KEYS.format("[0.5, 1.0, 0.3]", "[0.8, 1.0, 0.3]"))
+    with scene.open("a") as file:
+        file.write("\n[render]\nsamples = 4\nirradiance_samples = 16\n")
+    return scene
+
+
+@pytest.fixture(scope="module")
+def shot(scene, tmp_path_factory):
+    """The whole sequence by one process: its folder, and what was reported."""
+    folder = tmp_path_factory.mktemp("shot")
+    return folder, *render(scene, "--frames", f"1-{LAST}", "-o", folder / "shot.##.exr")
+
+
+@pytest.fixture
+def copied(shot, tmp_path):
+    """A copy of the sequence to spoil."""
+    shutil.copytree(shot[0], tmp_path, dirs_exist_ok=True)
+    return tmp_path
+
+
+def test_every_frame_is_there_and_says_what_it_is(shot):
+    folder, status, events, errors = shot
+    assert status == 0
+    assert sorted(path.name for path in folder.iterdir()) == [
+        f"shot.0{n}.{kind}" for n in range(1, LAST + 1) for kind in ("exr", "png")
+    ]
+    assert states(events) == dict.fromkeys(range(1, LAST + 1), "rendered")
+    assert [event["event"] for event in (events[0], events[-1])] == ["hello", "done"]
+    assert [event["event"] for event in events].count("done") == 1
+    progress = [event for event in events if event["event"] == "sequence"]
+    assert [event["fraction"] for event in progress] == sorted(event["fraction"] for event in progress)
+    assert (progress[-1]["done"], progress[-1]["fraction"], progress[-1]["seconds_left"]) == (LAST, 1.0, 0.0)
+    frames = [read_frame(folder / f"shot.0{n}.exr") for n in range(1, LAST + 1)]
+    assert [frame.metadata["frame"] for frame in frames] == [str(n) for n in range(1, LAST + 1)]
+    assert len({frame.metadata["fingerprint"] for frame in frames}) == LAST
+    assert len({frame.metadata["seed"] for frame in frames}) == LAST
+    assert len({frame.coverage.tobytes() for frame in frames}) == LAST
+    with OpenEXR.File(str(folder / "shot.03.exr")) as file:
+        assert Fraction(*map(int, str(file.header()["framesPerSecond"]).split("/"))) == Fraction(24000, 1001)
+
+
+def test_a_frame_alone_is_that_of_the_sequence(scene, shot, tmp_path):
+    status, *_ = render(scene, "--frames", "5", "-o", tmp_path / "shot.##.exr")
+    assert status == 0
+    assert pixels(tmp_path / "shot.05.exr") == pixels(shot[0] / "shot.05.exr")
+
+
+def test_a_second_call_renders_what_is_missing_and_what_is_not_whole(scene, shot, copied):
+    (copied / "shot.02.exr").unlink()
+    whole = (copied / "shot.04.exr").read_bytes()
+    (copied / "shot.04.exr").write_bytes(whole[: len(whole) * 9 // 10])
+    (copied / "shot.06.exr").write_bytes(b"no picture")
+    before = {path: path.stat().st_mtime_ns for path in copied.glob("*.exr")}
+    pattern = copied / "shot.##.exr"
+    expected = {1: "current", 2: "missing", 3: "current", 4: "damaged", 5: "current", 6: "damaged", 7: "current"}
+    status, events, _ = render(scene, "--frames", f"1-{LAST}", "-o", pattern, "--verify")
+    assert (status, states(events)) == (1, expected)
+    assert {path: path.stat().st_mtime_ns for path in copied.glob("*.exr")} == before
+    status, events, _ = render(scene, "--frames", f"1-{LAST}", "-o", pattern)
+    assert status == 0
+    assert states(events) == {n: "rendered" if n in (2, 4, 6) else "current" for n in range(1, LAST + 1)}
+    for number in range(1, LAST + 1):
+        assert pixels(copied / f"shot.0{number}.exr") == pixels(shot[0] / f"shot.0{number}.exr")
+
+
+def test_only_frames_of_another_scene_are_rendered_again(scene, copied):
+    """The last key of the ball moves: the first frame is as it was. Another number of samples changes all."""
+    text = scene.read_text()
+    try:
+        edit(scene, "[0.8, 1.0, 0.3]", "[0.9, 1.0, 0.3]")
+        options = ("--frames", "1-7", "--step", 3, "-o", copied / "shot.##.exr")
+        _, events, _ = render(scene, *options, "--verify")
+        assert states(events) == {1: "current", 4: "outdated", 7: "outdated"}
+        _, events, _ = render(scene, *options, "--samples", 5, "--verify")
+        assert set(states(events).values()) == {"outdated"}
+        _, events, _ = render(scene, *options)
+        assert states(events) == {1: "current", 4: "rendered", 7: "rendered"}
+        _, events, _ = render(scene, *options, "--force")
+        assert set(states(events).values()) == {"rendered"}
+    finally:
+        scene.write_text(text)
+
+
+def test_three_processes_share_a_sequence_and_one_is_killed(scene, shot, tmp_path):
+    """Whoever is killed in the middle of a frame, all are delivered, and are those of one process bit for bit."""
+    options = (scene, "--frames", f"1-{LAST}", "-o", tmp_path / "shot.##.exr", "--progress", "json")
+    victim, *others = (start(*options) for _ in range(3))
+    for line in victim.stdout:
+        if json.loads(line)["event"] == "progress":
+            victim.kill()
+            break
+    victim.communicate()
+    assert victim.returncode == -signal.SIGKILL
+    rendered = []
+    for process in others:
+        output, errors = process.communicate(timeout=500)
+        assert (process.returncode, "Traceback" in errors) == (0, False)
+        events = [json.loads(line) for line in output.splitlines()]
+        rendered += [number for number, state in states(events).items() if state == "rendered"]
+        assert events[-1] == {**events[-1], "event": "done", "interrupted": False}
+    assert len(set(rendered)) == len(rendered) >= LAST - 1
+    assert not list(tmp_path.glob("*.claim"))
+    for number in range(1, LAST + 1):
+        assert pixels(tmp_path / f"shot.0{number}.exr") == pixels(shot[0] / f"shot.0{number}.exr")
+
+
+@pytest.mark.parametrize("times", [1, 2])
+def test_ctrl_c_finishes_the_frame_and_the_second_one_drops_it(scene, tmp_path, times):
+    options = (scene, "--frames", "1-3", "-o", tmp_path / "shot.##.exr", "--samples", 3000)
+    process = start(*options, "--progress", "json")
+    for line in process.stdout:
+        if json.loads(line)["event"] == "progress":
+            process.send_signal(signal.SIGINT)
+            break
+    if times == 2:
+        time.sleep(0.2)
+        process.send_signal(signal.SIGINT)
+    output, errors = process.communicate(timeout=300)
+    assert process.returncode == 130
+    assert "Traceback" not in errors
+    assert json.loads(output.splitlines()[-1])["interrupted"]
+    assert f"the same command goes on: lightdepth render {scene} --frames 1-3" in errors
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == (["shot.01.exr", "shot.01.png"] if times == 1 else [])
+
+
+def test_without_frames_the_first_one_is_rendered(scene, shot, command, tmp_path):
+    status, *_ = command("render", scene, "-o", tmp_path / "x.exr", "--progress", "none")
+    assert status == 0
+    depth = read_frame(tmp_path / "x.exr").depth.tobytes()
+    assert depth == read_frame(shot[0] / "shot.01.exr").depth.tobytes()
+    assert depth != read_frame(shot[0] / "shot.02.exr").depth.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--frames", "1-9"], "--frames 1-9: 9 is outside the [sequence], which has frames 1 to 7"),
+        (["--frames", "5-2"], "5 comes after 2"),
+        (["--frames", "one"], "write it as 1-240, or 7, or 1-10,20-30"),
+        (["--frames", "1-2", "-o", "shot.exr"], "the name must have # for each digit"),
+        (["--frames", "1-2", "-o", "shot.##.#.exr"], "in one place"),
+        (["--frames", "1-2", "-o", "shot.##.png"], "frames are .exr files"),
+        (["--frames", "1-2", "--share", "1/2", "--resume"], "--share, --resume: for a still, not with --frames"),
+        (["--verify"], "--force, --verify and --step go with --frames"),
+        (["-o", "shot.##.exr"], "numbered files are for a sequence; say which --frames"),
+        (["--frames", "1-2", "--camera", "veiw"], "no camera 'veiw'; it has view"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_wrong_arguments(scene, command, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    status, output, errors = command("render", scene, *arguments)
+    assert status == 2
+    assert message in errors
+    assert "Traceback" not in output + errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_would_stop_a_later_frame_is_found_before_the_first(command, tmp_path):
+    scene = make_room(tmp_path)
+    edit(scene, "[panorama]", "[sequence]\nframes = [1, 9]\n\n[panorama]")
+    edit(scene, "center = [0.5, 1.0, 0.3]", "center = { frame = [1, 9], value = [[0.5, 1, 0.3], [9, 1, 0.3]] }")
+    before = sorted(tmp_path.iterdir())
+    status, _, errors = command("render", scene, "--frames", "1-9", "-o", tmp_path / "x.#.exr")
+    assert status == 2
+    assert '"ball": is outside the room' in errors
+    assert "frames 3 to 9" in errors
+    assert sorted(tmp_path.iterdir()) == before
