@@ -163,24 +163,23 @@ def test_three_processes_share_a_sequence_and_one_is_killed(scene, shot, tmp_pat
         assert pixels(tmp_path / f"shot.0{number}.exr") == pixels(shot[0] / f"shot.0{number}.exr")
 
 
-@pytest.mark.parametrize("times", [1, 2])
-def test_ctrl_c_finishes_the_frame_and_the_second_one_drops_it(scene, tmp_path, times):
+@pytest.mark.parametrize("signals", [["SIGINT"], ["SIGINT", "SIGINT"], ["SIGTERM"]], ids=str)
+def test_ctrl_c_finishes_the_frame_and_the_second_one_drops_it(scene, tmp_path, signals):
     options = (scene, "--frames", "1-3", "-o", tmp_path / "shot.##.exr", "--samples", 3000)
     process = start(*options, "--progress", "json")
     for line in process.stdout:
         if json.loads(line)["event"] == "progress":
-            process.send_signal(signal.SIGINT)
             break
-    if times == 2:
+    for name in signals:
+        process.send_signal(signal.Signals[name])
         time.sleep(0.2)
-        process.send_signal(signal.SIGINT)
     output, errors = process.communicate(timeout=300)
     assert process.returncode == 130
     assert "Traceback" not in errors
     assert json.loads(output.splitlines()[-1])["interrupted"]
     assert f"the same command goes on: lightdepth render {scene} --frames 1-3" in errors
     names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == (["shot.01.exr", "shot.01.png"] if times == 1 else [])
+    assert names == (["shot.01.exr", "shot.01.png"] if signals == ["SIGINT"] else [])
 
 
 def test_without_frames_the_first_one_is_rendered(scene, shot, command, tmp_path):

@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from lightdepth.directions import euler_rotation
@@ -106,6 +107,19 @@ def test_what_does_not_change_is_read_once(write_scene):
     assert first.real[0] is second.real[0]
     assert not np.array_equal(ball_matrix(first), ball_matrix(second))
     assert frames.sequence.rate == 25
+
+
+def test_images_are_read_once(write_scene, scene_folder):
+    Image.new("RGB", (4, 4), (255, 0, 0)).save(scene_folder / "red.png")
+    text = (
+        '[[synthetic]]\nname = "b"\nshape = "cube"\nscale = 0.1\nmaterial = { type = "diffuse", color = "red.png" }\n'
+    )
+    moving = "position = { frame = [1, 3], value = [[0, 0, 1], [0, 1, 1]] }\n"
+    frames = SceneFrames(write_scene(SEQUENCE + text + moving))
+    first, second = (frames.scene(n).synthetic[0].parts[0].material.color for n in (1, 2))
+    assert first is second
+    Image.new("RGB", (4, 5), (0, 255, 0)).save(scene_folder / "red.png")
+    assert frames.scene(3).synthetic[0].parts[0].material.color.pixels[0, 0].tolist() == [0.0, 1.0, 0.0]
 
 
 @pytest.mark.parametrize(

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import shlex
+import signal
 import sys
 from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -106,7 +109,8 @@ def _render(
         _refuse_errors(moving, wanted)
         interruption.wait = True
         reporter.interruption = interruption
-        complete = rendering.run(lambda: interruption.asked)
+        with _terminable():
+            complete = rendering.run(lambda: interruption.asked)
     except LightdepthError as error:
         reporter.report(Failure(str(error)))
         raise
@@ -116,6 +120,20 @@ def _render(
     reporter.end(complete)
     if not complete:
         raise typer.Exit(INTERRUPTED)
+
+
+@contextmanager
+def _terminable() -> Iterator[None]:
+    """Let a polite kill, as farms send it, drop the frame and give back its claim, as the second Ctrl-C does."""
+
+    def drop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, drop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def _refuse_errors(moving: SceneFrames, wanted: SequenceJob) -> None:

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from lightdepth.errors import InputError
 from lightdepth.scene.animation import SequenceTable
 from lightdepth.scene.load import Contents, read_scene
 from lightdepth.scene.model import Scene
 from lightdepth.scene.scene_file import SceneText
+
+LOOKED_THROUGH = 2000
+"""Frames of which the tables are checked, at most."""
 
 
 class SceneFrames:
@@ -64,10 +69,15 @@ class SceneFrames:
         return contents.scene
 
     def table_problems(self) -> tuple[str, ...]:
-        """What is wrong with the tables at all frames, a line each; no mesh and no image is read."""
-        sequence = self.sequence
+        """What is wrong with the tables at all frames, a line each; no mesh and no panorama is read.
+
+        Of more than ``LOOKED_THROUGH`` frames, so many between the keys are looked at.
+        """
+        first, last = self.sequence.frames
+        numbers = np.linspace(first, last, min(LOOKED_THROUGH, last - first + 1)).round()
         found: dict[str, None] = {}
-        for frame in sorted({*range(sequence.first, sequence.last + 1), *self.text.animation.key_frames}):
-            _, problems = self.text.tables(frame)
+        for frame in sorted({*map(float, numbers), *self.text.animation.key_frames}):
+            tables, problems = self.text.tables(frame)  # The tables keep their textures until the next ones have them.
             found |= dict.fromkeys(problems.messages)
+        del tables
         return tuple(found)

@@ -95,12 +95,6 @@ def take(path: Path, expiry: float = EXPIRY) -> Claim | None:
     return None
 
 
-def holder(path: Path) -> str:
-    """Who holds a claim, for people; empty where nobody does."""
-    contents = _contents(path)
-    return f"{contents.get('host', '?')}, process {contents.get('pid', '?')}" if contents else ""
-
-
 def _holder(token: str, expiry: float) -> dict[str, Any]:
     return {
         "host": socket.gethostname(),

@@ -7,6 +7,7 @@ import warnings
 from enum import Enum
 from pathlib import Path
 from typing import Literal
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +30,26 @@ class Content(Enum):
 
 
 def read_texture(path: Path, content: Content) -> Texture:
-    """Read an image file as a texture.
+    """Read an image file as a texture. One that is in use and whose file is unchanged is given again.
 
     Raises:
         ValueError: the file is missing or is no image that can be read.
     """
     if not is_file(path):
         raise ValueError(f"{path}: no such file")
+    status = path.stat()
+    key = path, content, status.st_mtime_ns, status.st_size
+    texture = _in_use.get(key)
+    if texture is None:
+        texture = _in_use[key] = _texture(path, content)
+    return texture
+
+
+_in_use: WeakValueDictionary[tuple[Path, Content, int, int], Texture] = WeakValueDictionary()
+"""The scenes of a sequence share their textures."""
+
+
+def _texture(path: Path, content: Content) -> Texture:
     if path.suffix.lower() in READERS:
         if content is not Content.COLOUR:
             raise ValueError(f"{path}: an 8-bit image (.png, .jpg) is needed here")
