@@ -51,6 +51,8 @@ def test_frames_have_the_pixels_of_the_command_line(animated, renderer, tmp_path
         names = [name for name, counterpart in PASSES.items() if counterpart == part.name]
         for name in names:
             for channel, pixels in part.channels.items():
+                if channel.startswith("Crypto"):  # of which Blender gets none
+                    continue
                 key = f"{name}.{channel if f'{name}.{channel}' in rendered else 'X'}"
                 np.testing.assert_array_equal(rendered[key], pixels.astype(np.float32), err_msg=key)
     assert {key.split(".")[0] for key in rendered} == set(PASSES)
@@ -76,7 +78,7 @@ def test_a_renderer_that_fails_is_told_in_its_own_words(animated):
     assert "SIGKILL" in found["killed"]
     assert "odd number" in found["traceback"]
     assert "I am a web browser" in found["garbage"]
-    assert "without a picture" in found["silent"]
+    assert "said nothing" in found["silent"]
     for name in ("missing", "missing for the test"):
         assert "not there" in found[name]
         assert "preferences" in found[name]
