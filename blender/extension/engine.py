@@ -1,8 +1,10 @@
 """The render engine: F12 and Ctrl-F12 by the renderer's own process, shown while it works."""
 
+import contextlib
 import tempfile
-import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
@@ -10,16 +12,15 @@ import numpy as np
 from . import cameras, evaluation, exr, passes
 from .asking import renderer_command
 from .export import Exported, ExportError, export_scene, options
-from .process import RendererError, Rendering
+from .process import RendererError
 from .properties import show_lines
+from .worker import render
 
 PREVIEW_SECONDS = 2
-PATIENCE_AFTER_INTERRUPT = 10.0
-"""Seconds that an interrupted renderer has to write what it rendered."""
 
 
 class LightdepthEngine(bpy.types.RenderEngine):
-    """Renders through the command ``lightdepth render``."""
+    """Renders through the process ``lightdepth serve``, which stays for the next frame."""
 
     bl_idname = evaluation.ENGINE
     bl_label = "lightdepth"
@@ -50,6 +51,9 @@ class LightdepthEngine(bpy.types.RenderEngine):
         except Exception as error:
             self._fail(evaluation.unexpected(error))
 
+    def _warn(self, message: str) -> None:
+        self.report({"WARNING"}, message)
+
     def _fail(self, why: str) -> None:
         self.report({"ERROR"}, why)
         self.error_set(why)
@@ -68,39 +72,40 @@ class LightdepthEngine(bpy.types.RenderEngine):
         if self.test_break():
             return
         for note in exported.notes:
-            self.report({"WARNING"}, note)
+            self._warn(note)
         picture = folder / "picture.exr"
-        arguments = ["render", str(exported.path), "--camera", exported.camera, "-o", str(picture)]
-        arguments += [*options(scene.lightdepth), "--progress", "json", "--preview-seconds", str(PREVIEW_SECONDS)]
-        if scene.render.film_transparent and scene.lightdepth.draft:
-            arguments += ["--layers", "plate,coverage"]
+        request = {
+            "scene": str(exported.path),
+            "camera": exported.camera,
+            "output": str(picture),
+            "preview_seconds": PREVIEW_SECONDS,
+            "layers": _layers(scene),
+            **options(scene.lightdepth),
+        }
         self.update_stats("", "Starting the renderer")
-        with Rendering(command, arguments) as rendering:
-            self._follow(rendering, picture, _View(depsgraph, exported))
+        stop = _Stop(self.test_break)
+        with contextlib.closing(render(command, request, stop, self._warn)) as events:
+            self._follow(events, stop, picture, _View(depsgraph, exported))
 
-    def _follow(self, rendering: Rendering, picture: Path, view: "_View") -> None:
+    def _follow(self, events: Iterator[dict[str, Any]], stop: "_Stop", picture: Path, view: "_View") -> None:
         """Show the renderer's progress until it ends or the person has waited enough."""
-        interrupted = None
         shown = False
         try:
-            for event in rendering.events():
-                if interrupted is None and self.test_break():
-                    rendering.interrupt()
-                    interrupted = time.monotonic()
-                if interrupted is not None and time.monotonic() - interrupted > PATIENCE_AFTER_INTERRUPT:
-                    return
-                if event is None:
-                    continue
+            for event in events:
                 if event["event"] == "progress":
                     self.update_progress(min(max(float(event.get("fraction", 0.0)), 0.0), 1.0))
                     self.update_stats("", _status(event))
+                elif event["event"] == "stage":
+                    self.update_stats("", str(event.get("stage")).capitalize())
+                elif event["event"] == "warning":
+                    self._warn(str(event.get("message")))
                 elif event["event"] == "picture":
                     self._show(picture, view)
                     shown = True
         except RendererError:
-            if interrupted is None:  # one that was interrupted before it could render has nothing to tell
+            if not stop.asked:  # one that was stopped before it could render has nothing to tell
                 raise
-        if interrupted is None and not shown:
+        if not stop.asked and not shown:
             raise RendererError("The renderer ended without a picture and without saying why")
 
     def _show(self, picture: Path, view: "_View") -> None:
@@ -119,6 +124,18 @@ class LightdepthEngine(bpy.types.RenderEngine):
                 values = np.ascontiguousarray(pixels[target.name][::-1], np.float32)
                 target.rect.foreach_set(values.ravel())
         self.end_result(result)
+
+
+class _Stop:
+    """Whether the person wants to stop; once asked for, it stays so."""
+
+    def __init__(self, test):
+        self._test = test
+        self.asked = False
+
+    def __call__(self) -> bool:
+        self.asked = self.asked or self._test()
+        return self.asked
 
 
 class _View:
@@ -147,6 +164,13 @@ class _View:
         if found[0] < top + height or found[1] < left + width:
             raise RendererError(f"The renderer made {found[1]} x {found[0]} pixels, too few for {width} x {height}")
         return {name: values[top : top + height, left : left + width] for name, values in pixels.items()}
+
+
+def _layers(scene) -> list[str]:
+    """Layers of the renderer's picture that Blender's passes are made of."""
+    if not scene.lightdepth.draft:
+        return [{"alpha": "coverage"}.get(part, part) for part, _, _ in passes.PASSES.values()]
+    return ["plate", "coverage"] if scene.render.film_transparent else []
 
 
 def _status(event: dict) -> str:

@@ -455,10 +455,15 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool 
     return Exported(path, active, list(writer.notes), writer.pass_indices)
 
 
-def options(settings) -> list[str]:
-    """Options of ``lightdepth render`` that a scene file has no place for."""
-    switches = {"--draft": settings.draft, "--denoise": settings.denoise}
-    return ["--method", settings.method.lower(), *(switch for switch, on in switches.items() if on)]
+def options(settings) -> dict[str, Any]:
+    """What a request to render says beside the scene file, which has no place for it."""
+    return {"method": settings.method.lower(), "draft": settings.draft, "denoise": settings.denoise}
+
+
+def _as_arguments(settings) -> list[str]:
+    """The same for the command ``lightdepth render``."""
+    asked = options(settings)
+    return ["--method", asked.pop("method"), *(f"--{name}" for name, on in asked.items() if on)]
 
 
 class ExportScene(bpy.types.Operator, ExportHelper):
@@ -487,7 +492,7 @@ class ExportScene(bpy.types.Operator, ExportHelper):
         for note in exported.notes:
             self.report({"WARNING"}, note)
         camera = ["--camera", exported.camera] if exported.camera else []
-        command = shlex.join(["lightdepth", "render", str(path), *camera, *options(settings), "-o", "OUT.exr"])
+        command = shlex.join(["lightdepth", "render", str(path), *camera, *_as_arguments(settings), "-o", "OUT.exr"])
         self.report({"INFO"}, f"Written. Render it with: {command}")
         return {"FINISHED"}
 

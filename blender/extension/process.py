@@ -1,24 +1,20 @@
-"""The renderer as a separate process: found, run, listened to, cancelled, and never left behind."""
+"""The renderer as a separate process: found, run, understood, and never left behind."""
 
 import atexit
 import contextlib
 import json
 import os
-import queue
 import shutil
 import signal
 import subprocess
 import tempfile
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, Self, TypeVar
 
 COMMAND = "lightdepth"
 Taken = TypeVar("Taken")
-INTERRUPTED = 130
-"""Exit status of a renderer that was interrupted and wrote what it had."""
 PATIENCE = 300.0
 """Seconds after which a renderer that was asked something is no longer waited for."""
 
@@ -53,37 +49,43 @@ def find_command(preferred: str) -> str:
     return found
 
 
-_LEASH = 'exec 3<&0; (cat <&3; kill -KILL -$$) > /dev/null 2>&1 & exec "$0" "$@" < /dev/null 3<&-'
-"""A shell that becomes the command it is given. Beside it waits for the end of a pipe that only Blender holds open, and
-then ends the process group: however Blender ends, be it killed, the renderer ends with it."""
+_LEASH = 'input=$1; shift; { (cat <&3; kill -KILL -$$) > /dev/null 2>&1 & } 3<&0; exec "$0" "$@" < "$input"'
+"""A shell that becomes the command it is given, with a file as its input. Beside it waits for the end of a pipe that only
+Blender holds open, and then ends the process group: however Blender ends, be it killed, the renderer ends with it."""
 NOT_FOUND, NOT_STARTABLE = 127, 126
 """Exit statuses of a shell that could not become the command."""
+_SHELLS_SIGNALS = 128
+"""Exit status of a shell whose command was ended by signal 0."""
 
 
-class _Process:
+class Process:
     """The renderer at work. As a context manager it ends the process and its children on every way out.
 
     Args:
         command: the path of the renderer's command.
         arguments: its arguments, beginning with the subcommand.
         output: where its standard output goes, as for ``subprocess.Popen``.
+        requests: a descriptor that it reads from; none by default.
 
     Raises:
         RendererError: the process cannot be started.
     """
 
-    def __init__(self, command: str, arguments: list[str], output: IO[str] | int):
+    def __init__(self, command: str, arguments: list[str], output: IO[str] | int, requests: int | None = None):
         self.command = command
+        passed = () if requests is None else (requests,)
+        source = "/dev/null" if requests is None else f"/dev/fd/{requests}"
         # A file, because a pipe that nobody reads would stop the renderer once it is full.
         self._errors = _file()
         try:
             self._process = subprocess.Popen(
-                ["/bin/sh", "-c", _LEASH, command, *arguments],
+                ["/bin/sh", "-c", _LEASH, command, source, *arguments],
                 stdin=subprocess.PIPE,
                 stdout=output,
                 stderr=self._errors,
                 text=True,
                 errors="replace",
+                pass_fds=passed,
                 start_new_session=True,  # its own process group, so that its children end with it
             )
         except OSError as error:
@@ -109,18 +111,24 @@ class _Process:
         with contextlib.suppress(ProcessLookupError):  # it and its children have ended by themselves
             os.killpg(self._process.pid, number)
 
-    def _failure(self, printed: str = "") -> RendererError:
-        """Why it ended with an error: in the renderer's own words; where it said nothing, how it ended."""
+    def _failure(self, printed: str = "", said_before: int = 0) -> RendererError:
+        """Why it ended with an error: in the renderer's own words; where it said nothing, how it ended.
+
+        Args:
+            printed: its standard output, which counts where its standard error is empty.
+            said_before: bytes of standard error that belong to something else.
+        """
         status = self._process.returncode
-        said = (_all_of(self._errors) or printed).strip()
+        said = (_all_of(self._errors, said_before) or printed).strip()
         if status in (NOT_FOUND, NOT_STARTABLE):
             return RendererError(f"The renderer '{self.command}' cannot be started: {said}")
         if "Traceback (most recent call last)" in said:
             said = f"The renderer crashed: {said.splitlines()[-1]}"
         if said:
             return RendererError(said.removeprefix("error: "))
-        if status < 0:
-            name = signal.Signals(-status).name
+        number = -status if status < 0 else status - _SHELLS_SIGNALS
+        if number in list(signal.Signals):
+            name = signal.Signals(number).name
             return RendererError(f"The renderer '{self.command}' was ended by the system ({name}).")
         return RendererError(f"The renderer '{self.command}' ended with status {status} and said nothing.")
 
@@ -133,7 +141,7 @@ class _Process:
         )
 
 
-class Question(_Process):
+class Question(Process):
     """A command of the renderer that answers at its end, like ``check``. Use it as a context manager."""
 
     def __init__(self, command: str, arguments: list[str]):
@@ -215,85 +223,19 @@ class Question(_Process):
         raise self._not_understood(text)
 
 
-class Rendering(_Process):
-    """A running rendering, which tells how far it is. Use it as a context manager.
-
-    Args:
-        command: the path of the renderer's command.
-        arguments: its arguments, beginning with the subcommand; they must ask for progress as JSON lines.
-    """
-
-    def __init__(self, command: str, arguments: list[str]):
-        super().__init__(command, arguments, subprocess.PIPE)
-        self._interrupted = False
-        self._lines: queue.SimpleQueue[str | None] = queue.SimpleQueue()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def end(self) -> None:
-        """As for every process."""
-        super().end()
-        self._reader.join(timeout=3.0)
-        self._process.stdout.close()
-
-    def _read(self) -> None:
-        for line in self._process.stdout:
-            self._lines.put(line)
-        self._lines.put(None)
-
-    def events(self, patience: float = 0.1) -> Iterator[dict | None]:
-        """What the renderer tells, until it ends.
-
-        Args:
-            patience: seconds to wait for an event before ``None`` is given instead, so that the caller can look
-                whether the person wants to stop.
-
-        Raises:
-            RendererError: the renderer failed, or printed something else than events.
-        """
-        while True:
-            try:
-                line = self._lines.get(timeout=patience)
-            except queue.Empty:
-                yield None
-                continue
-            if line is None:
-                break
-            if line.strip():
-                yield self._event(line)
-        if self._process.wait() not in (0, INTERRUPTED):
-            raise self._failure()
-
-    def _event(self, line: str) -> dict:
-        try:
-            event = json.loads(line)
-        except ValueError:
-            event = None
-        if not isinstance(event, dict) or not isinstance(event.get("event"), str):
-            raise self._not_understood(line)
-        return event
-
-    def interrupt(self) -> None:
-        """Ask the renderer to write what it has and to stop; :meth:`events` goes on until it has.
-
-        It is asked once, however often this is called: a second signal would stop it before it has written.
-        """
-        if not self._interrupted:
-            self._interrupted = True
-            self._signal(signal.SIGINT)
-
-
 def _file() -> IO[str]:
     """A file without a name, to be closed by whoever asked for it."""
     return tempfile.TemporaryFile(mode="w+", errors="replace")
 
 
-def _all_of(file: IO[str]) -> str:
-    file.seek(0)
-    return file.read()
+def _all_of(file: IO[str], begin: int = 0) -> str:
+    """What is in a file from a byte on. Its position stays where it is: the process writes there."""
+    descriptor = file.fileno()
+    size = os.fstat(descriptor).st_size
+    return os.pread(descriptor, max(size - begin, 0), begin).decode(errors="replace")
 
 
-_running: set[_Process] = set()
+_running: set[Process] = set()
 
 
 @atexit.register

@@ -66,6 +66,8 @@ def test_a_program_is_informed_of_progress(first):
     target, status, events, _ = first
     assert status == 0
     kinds = [event["event"] for event in events]
+    pid = events[0].pop("pid")
+    assert pid > 0
     assert events[0] == {"event": "hello", "version": version("lightdepth"), "schema": 1}
     assert [event["stage"] for event in events if event["event"] == "stage"] == ["preparing", "rendering", "writing"]
     assert events[1] == {"event": "stage", "stage": "preparing"}

@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from lightdepth.film.frame import EXPOSURE
 from lightdepth.film.layers import read_frame
 from lightdepth.session.events import SCHEMA
 from tests.cli.room_folder import edit, make_room
@@ -21,6 +22,10 @@ class Client:
         self._process = subprocess.Popen(
             PROGRAM, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
+
+    @property
+    def pid(self):
+        return self._process.pid
 
     def ask(self, **request):
         self._process.stdin.write(json.dumps(request) + "\n")
@@ -67,7 +72,8 @@ def client():
 
 
 def test_a_worker_renders_one_request_after_the_other(folder, client):
-    assert client.event()["event"] == "hello"
+    hello = client.event()
+    assert (hello["event"], hello["pid"]) == ("hello", client.pid)
     client.ask(**HELLO)
     scene, first, second = str(folder / "scene.toml"), str(folder / "1.exr"), str(folder / "2.exr")
     client.ask(request="render", id="a", scene=scene, output=first, layers=["samples"], picture=True)
@@ -81,21 +87,28 @@ def test_a_worker_renders_one_request_after_the_other(folder, client):
         "rendering",
         "writing",
     ]
-    assert told[-1].pop("exposure") is not None
+    exposure = told[-1].pop("exposure")
     assert told[-1] == {"event": "done", "file": first, "interrupted": False, "id": "a"}
     assert (folder / "1.png").is_file()
     client.until("progress", name="b")
     client.ask(request="cancel", id="b")
     assert client.until("done", "failure", name="b")[-1]["interrupted"]
+    assert exposure == pytest.approx(
+        float(read_frame(folder / "2.exr").metadata[EXPOSURE]), abs=1e-3
+    )  # of the panorama
     assert 0 < read_frame(folder / "2.exr").samples.max() < 100_000_000
-    (done,) = client.until("done", name="c")
-    assert done == {"event": "done", "file": None, "interrupted": True, "exposure": None, "id": "c"}
+    ended = {"event": "done", "file": None, "interrupted": True, "exposure": None, "id": "c"}
+    assert client.until("done", name="c") == [ended]
     assert not (folder / "3.exr").exists()
     # What is wrong with one request is no reason to stop.
     for request, message in (
         ({"request": "render", "id": "d", "scene": "nowhere.toml", "output": first}, "nowhere.toml: no such file"),
         ({"request": "render", "id": "e", "scene": scene, "output": first, "samples": 0}, "samples: "),
         ({"request": "render", "id": "f", "scene": scene, "output": first, "sample": 1}, "sample: "),
+        (
+            {"request": "render", "id": "h", "scene": scene, "output": first, "layers": ["plates"]},
+            "'plates' is unknown",
+        ),
         ({"request": "paint", "id": "g"}, "allowed are render, cancel, quit"),
     ):
         client.ask(**request)
@@ -106,6 +119,21 @@ def test_a_worker_renders_one_request_after_the_other(folder, client):
     status, errors = client.end()
     assert status == 0
     assert errors == ""
+
+
+def test_what_a_file_says_and_is_not_applied_is_reported_for_every_request(folder, client):
+    (folder / "room.hdr").write_bytes((folder / "room.exr").read_bytes())
+    (folder / "misnamed.toml").write_text((folder / "scene.toml").read_text().replace("room.exr", "room.hdr"))
+    client.ask(**HELLO)
+    for name in "ab":
+        client.ask(
+            request="render", id=name, scene=str(folder / "misnamed.toml"), output=str(folder / "5.exr"), draft=True
+        )
+        told = client.until("done", "failure", name=name)
+        assert told[-1]["event"] == "done"
+        assert any("room.hdr" in event["message"] for event in told if event["event"] == "warning")
+    client.ask(request="quit")
+    assert client.end() == (0, "")
 
 
 def test_a_worker_ends_with_its_input_whatever_it_is_doing(folder, client):

@@ -7,7 +7,8 @@ the meaning of one changes or one goes away.
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+import os
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any, ClassVar
 
 from lightdepth.errors import InputError
@@ -38,11 +39,13 @@ class Hello(Event):
     Attributes:
         version: of lightdepth.
         schema: see :data:`SCHEMA`.
+        pid: of the process.
     """
 
     kind: ClassVar[str] = "hello"
     version: str
     schema: int = SCHEMA
+    pid: int = field(default_factory=os.getpid)
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,9 @@ import json
 import logging
 import queue
 import threading
-from collections.abc import Callable, Iterable
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -27,10 +29,10 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from lightdepth.api import load_scene
-from lightdepth.errors import InputError, LightdepthError
+from lightdepth.errors import InputError, InputWarning, LightdepthError
 from lightdepth.kernel.start import Device
 from lightdepth.session.displays import ExrDisplay, PngDisplay
-from lightdepth.session.events import SCHEMA, Done, Event, Failure, Hello, Stage
+from lightdepth.session.events import SCHEMA, Caution, Done, Event, Failure, Hello, Stage
 from lightdepth.session.session import Job, Session
 
 LOGGER = logging.getLogger(__name__)
@@ -168,6 +170,19 @@ class Worker:
     def _say(self, event: Event, name: str | None = None) -> None:
         self._answer(event.to_json() if name is None else event.to_json(id=name))
 
+    @contextmanager
+    def _cautions(self, name: str) -> Iterator[None]:
+        """Report what files hold and is not applied, at every request and not only at the first."""
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", InputWarning)
+            yield
+        messages = dict.fromkeys(str(w.message) for w in caught if issubclass(w.category, InputWarning))
+        for message in messages:
+            self._say(Caution(message), name)
+        for other in caught:
+            if not issubclass(other.category, InputWarning):
+                warnings.warn_explicit(other.message, other.category, other.filename, other.lineno)
+
     def _render_all(self) -> None:
         while (request := self._waiting.get()) is not None:
             with self._lock:
@@ -181,14 +196,19 @@ class Worker:
                 LOGGER.exception("a request failed")
                 self._say(Failure(f"internal error: {type(error).__name__}: {error}"), request.id)
             with self._lock:
-                self._running = None
+                running.session = self._running = (
+                    None  # The samples of what is done would fill the memory till the next.
+                )
                 self._cancelled.discard(request.id)
                 self._pending.discard(request.id)
 
     def _render(self, request: RenderRequest, running: _Running) -> None:
         if not running.cancelled:
             self._say(Stage("loading"), request.id)
-            session = Session(load_scene(request.scene, request.repair), self._device)
+            _check_layers(request.layers)
+            with self._cautions(request.id):
+                scene = load_scene(request.scene, request.repair)
+            session = Session(scene, self._device)
         with self._lock:
             if running.cancelled:
                 self._say(Done(None, interrupted=True), request.id)
@@ -220,6 +240,19 @@ def _parsed(line: str) -> dict[str, Any] | None:
     except ValueError:
         return None
     return request if isinstance(request, dict) else None
+
+
+def _check_layers(names: list[str] | None) -> None:
+    """Refuse unknown layers before any time is spent.
+
+    Raises:
+        InputError: there is no layer of a name.
+    """
+    from lightdepth.film.layers import LAYERS
+
+    unknown = [name for name in names or [] if name not in LAYERS]
+    if unknown:
+        raise InputError(f"request: layers: '{unknown[0]}' is unknown; allowed are {', '.join(LAYERS)}")
 
 
 def _greet(request: dict[str, Any] | None) -> None:
