@@ -140,6 +140,14 @@ def test_only_frames_of_another_scene_are_rendered_again(scene, copied):
         scene.write_text(text)
 
 
+def test_where_the_scene_lies_does_not_matter(scene, shot, tmp_path):
+    """Another machine may have the shared folder elsewhere."""
+    shutil.copytree(scene.parent, tmp_path / "elsewhere")
+    moved = tmp_path / "elsewhere" / "scene.toml"
+    status, events, _ = render(moved, "--frames", "1-7", "-o", shot[0] / "shot.##.exr", "--repair", "--verify")
+    assert (status, set(states(events).values())) == (0, {"current"})
+
+
 def test_three_processes_share_a_sequence_and_one_is_killed(scene, shot, tmp_path):
     """Whoever is killed in the middle of a frame, all are delivered, and are those of one process bit for bit."""
     options = (scene, "--frames", f"1-{LAST}", "-o", tmp_path / "shot.##.exr", "--progress", "json")

@@ -35,7 +35,7 @@ def scene_digest(scene: Scene) -> str:
 
 def _scene_digest(scene: Scene) -> str:
     settings = replace(scene.render, samples=RenderSettings.samples, noise=None, seed=0)
-    panorama = replace(scene.panorama, path=None)
+    panorama = replace(scene.panorama, path=None, repairs=(), notes=())  # Messages name files.
     seed = scene.render.seed  # The preparation's; a rendering may have a seed of its own.
     return digest(panorama, scene.real, scene.lights, scene.synthetic, settings, seed)
 
