@@ -211,7 +211,7 @@ def render(
         command: the path of the renderer's command.
         request: as for :meth:`Worker.render`.
         cancelled: as for :meth:`Worker.render`.
-        warn: told why the process had to be started again.
+        warn: called with the reason where the process had to be started again.
 
     Raises:
         RendererError: as :meth:`Worker.greet` and :meth:`Worker.render` raise it.

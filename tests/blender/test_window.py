@@ -79,9 +79,8 @@ def test_what_is_clicked_on_the_floor_is_modelled(found):
 
 
 def test_f12_shows_its_progress_and_escape_keeps_what_there_is(found, folder):
-    assert found["renderers after"] == []
-    assert found["renderers"] == 1
-    assert found["renderers after Escape"] == []
+    assert len(found["renderers after"]) == 1
+    assert found["renderers"] == found["renderers after Escape"] == found["renderers after"]  # the same process
     for name, width in (("finished", 48), ("progressing", 40), ("stopped", 40)):
         pixels = np.asarray(Image.open(folder / f"{name}.png"))
         assert pixels.shape[:2] == (32, width)

@@ -192,7 +192,7 @@ def render(scene):
     scene.render.resolution_x = 40
     window.press("F12")
     yield from until(lambda: renderers() and shown("progressing") == 40, every=0.3)
-    found["renderers"] = len(renderers())
+    found["renderers"] = renderers()
     window.press("Escape")
     yield from until(lambda: not is_rendering())
     shown("stopped")

@@ -1,0 +1,100 @@
+"""An animation of several frames by the renderer that stays: killed, cancelled and another version in between."""
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+
+import bpy
+from session import MODULE, add_camera, answer, as_exr, begin, module, refused, room, write_program
+
+folder, kind, frames = Path(sys.argv[1]), sys.argv[2], int(sys.argv[3])
+scene = begin()
+room(folder)
+bpy.ops.mesh.primitive_uv_sphere_add(radius=0.4, location=(0.0, 1.6, 0.4))
+ball = bpy.context.object
+ball.keyframe_insert("location", frame=1)
+ball.location.x = 0.5
+ball.keyframe_insert("location", frame=frames)
+add_camera(scene, (48, 32))
+scene.render.engine = "LIGHTDEPTH"
+scene.lightdepth.samples, scene.lightdepth.max_bounces = 2, 3
+scene.frame_start, scene.frame_end = 1, frames
+as_exr(scene, folder / kind, multilayer=True)
+worker = module("worker")
+pids = []
+
+
+def note(*_):
+    """Which process rendered the frame."""
+    pids.append(worker._kept.hello["pid"])
+
+
+def finish():
+    """Answer, and end without the sound thread of bpy 4.5, which hangs now and then when Python ends."""
+    answer(**found)
+    os._exit(0)
+
+
+bpy.app.handlers.render_post.append(note)
+if kind == "apart":
+    bpy.app.handlers.render_post.append(lambda *_: module("process").end_all())
+bpy.ops.render.render(animation=True)
+found = {"pids": list(pids), "frames": sorted(path.name for path in folder.glob(f"{kind}0*.exr"))}
+if kind == "apart":
+    finish()
+
+# Killed between two pictures.
+os.kill(pids[-1], signal.SIGKILL)
+scene.frame_set(2)
+as_exr(scene, folder / "after kill", multilayer=True)
+bpy.ops.render.render(write_still=True)
+found["after kill"] = pids[-1]
+
+# Cancelled while it prepares another place, and while it renders, as Escape does.
+engine = module("engine")
+asked = []
+
+
+def cancelling(until):
+    """Let the engine be stopped at the first event of a kind, or when a stage begins."""
+    original = worker.render
+
+    def render(command, request, stop, warn):
+        for event in original(command, request, stop, warn):
+            if until in (event["event"], event.get("stage")):
+                stop.asked = True
+            asked.append(event["event"])
+            yield event
+
+    engine.render = render
+
+
+before = scene.lightdepth.capture.location.x
+scene.lightdepth.capture.location.x = before + 0.1
+scene.lightdepth.samples = 1_000_000
+for stage in ("preparing", "progress"):
+    cancelling(stage)
+    bpy.ops.render.render()
+    found[f"cancelled at {stage}"] = [pids[-1], asked[-1]]
+engine.render = worker.render
+scene.lightdepth.samples = 2
+scene.lightdepth.capture.location.x = before
+as_exr(scene, folder / "after cancel", multilayer=True)
+bpy.ops.render.render(write_still=True)
+found["after cancel"] = pids[-1]
+
+# Another version.
+hello = json.dumps({"event": "hello", "version": "9.8.7", "schema": worker.SCHEMA})
+preferences = bpy.context.preferences.addons[MODULE].preferences
+preferences.command = write_program(folder / "other", f"echo '{hello}'; sleep 600")
+found["other version"] = refused(bpy.ops.render.render)
+
+# Switched off, nothing is left.
+preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
+bpy.ops.render.render()
+left = pids[-1]
+bpy.ops.preferences.addon_disable(module=MODULE)
+found["left"] = Path(f"/proc/{left}").exists()
+finish()
