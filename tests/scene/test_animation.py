@@ -99,6 +99,15 @@ def test_a_smooth_turn_stands_still_between_like_keys():
     assert np.diff(turned[200:]).max() < 1e-9
 
 
+@pytest.mark.parametrize("interpolation", ["linear", "smooth", "step"])
+@pytest.mark.parametrize("turns", [False, True])
+def test_what_is_held_does_not_change_in_its_last_digit(interpolation, turns):
+    values = np.array([[0.1, 0.2, 0.3], [1.1, 2.7, 77.7], [1.1, 2.7, 77.7], [5.0, 6.0, 7.0]])
+    keys = Keys(np.array([0.0, 10.0, 20.0, 30.0]), values, interpolation, turns)
+    for frame in np.linspace(10.0, 20.0, 31):
+        np.testing.assert_array_equal(keys.at(frame), values[1])
+
+
 def test_a_smooth_turn_about_changing_axes_has_no_jolt():
     """The angular velocity is continuous at the keys, and is 0 at both ends."""
     angles = np.array([[0.0, 0.0, 0.0], [50.0, 20.0, 60.0], [120.0, 30.0, 100.0], [130.0, -60.0, 170.0]])

@@ -42,6 +42,8 @@ class Keys:
             return self.values[0]
         if self.interpolation == "step" or before == len(self.frames) - 1 or self.frames[before] == frame:
             return self.values[before]
+        if np.array_equal(self.values[before], self.values[before + 1]):  # Not but for the last digit.
+            return self.values[before]
         smooth = self.interpolation == "smooth"
         if self.turns:
             rotations = Rotation.from_matrix(np.stack([euler_rotation(angles) for angles in self.values]))
