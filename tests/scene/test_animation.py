@@ -90,6 +90,42 @@ def test_rotations_turn_the_short_way(interpolation):
     assert (middle.inv() * last).magnitude() == pytest.approx(0.5 * whole)
 
 
+def test_a_smooth_turn_stands_still_between_like_keys():
+    angles = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 90.0], [0.0, 0.0, 90.0], [0.0, 0.0, 20.0]])
+    keys = Keys(np.array([0.0, 10.0, 20.0, 30.0]), angles, "smooth", turns=True)
+    turned = np.array([keys.at(frame)[2] for frame in np.linspace(0.0, 30.0, 301)])
+    assert np.diff(turned[:101]).min() > -1e-9
+    np.testing.assert_allclose(turned[100:201], 90.0, atol=1e-9)
+    assert np.diff(turned[200:]).max() < 1e-9
+
+
+@pytest.mark.parametrize("interpolation", ["linear", "smooth", "step"])
+@pytest.mark.parametrize("turns", [False, True])
+def test_what_is_held_does_not_change_in_its_last_digit(interpolation, turns):
+    values = np.array([[0.1, 0.2, 0.3], [1.1, 2.7, 77.7], [1.1, 2.7, 77.7], [5.0, 6.0, 7.0]])
+    keys = Keys(np.array([0.0, 10.0, 20.0, 30.0]), values, interpolation, turns)
+    for frame in np.linspace(10.0, 20.0, 31):
+        np.testing.assert_array_equal(keys.at(frame), values[1])
+
+
+def test_a_smooth_turn_about_changing_axes_has_no_jolt():
+    """The angular velocity is continuous at the keys, and is 0 at both ends."""
+    angles = np.array([[0.0, 0.0, 0.0], [50.0, 20.0, 60.0], [120.0, 30.0, 100.0], [130.0, -60.0, 170.0]])
+    frames = np.array([0.0, 7.0, 12.0, 20.0])
+    keys = Keys(frames, angles, "smooth", turns=True)
+
+    def velocity(begin, end):
+        first, last = (Rotation.from_matrix(euler_rotation(keys.at(frame))) for frame in (begin, end))
+        return (first.inv() * last).as_rotvec() / (end - begin)
+
+    step = 1e-4
+    assert np.linalg.norm(velocity(0.0, step)) < 1e-4
+    assert np.linalg.norm(velocity(20.0 - step, 20.0)) < 1e-4
+    for frame in frames[1:-1]:
+        np.testing.assert_allclose(velocity(frame - step, frame), velocity(frame, frame + step), atol=2e-5)
+    assert np.linalg.norm(velocity(12.0 - step, 12.0)) > 0.02
+
+
 def test_a_long_turn_between_two_keys_is_warned_of(write_scene):
     text = (
         '\n[camera.c]\ntype = "fisheye"\nwidth = 8\nrotation = { frame = [1, 5], value = [[0, 0, 0], [0, 0, 360]] }\n'

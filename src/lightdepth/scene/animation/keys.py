@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
-from scipy.spatial.transform import Rotation, RotationSpline, Slerp
+from scipy.spatial.transform import Rotation, Slerp
 
 from lightdepth.directions import euler_rotation, rotation_to_euler
+from lightdepth.scene.animation.turning import turned_smoothly
 
 Interpolation = Literal["linear", "smooth", "step"]
 
@@ -24,7 +26,7 @@ class Keys:
         values: at the keys, shape (n, k), float64; XYZ Euler angles in degrees where ``turns``.
         interpolation: ``step`` keeps a value until the next key; ``linear`` goes straight; ``smooth`` begins and ends at
             rest, passes the keys in between without a jolt, and goes beyond none of them: monotone cubic pieces (F. N.
-            Fritsch and R. E. Carlson, 1980) for numbers, a spline of rotations for rotations.
+            Fritsch and R. E. Carlson, 1980), and the same for rotations.
         turns: the values are rotations; each way from key to key is the shortest.
     """
 
@@ -40,13 +42,15 @@ class Keys:
             return self.values[0]
         if self.interpolation == "step" or before == len(self.frames) - 1 or self.frames[before] == frame:
             return self.values[before]
-        time = self._eased(frame, before) if self.interpolation == "smooth" else frame
-        splined = self.interpolation == "smooth" and len(self.frames) > 2
+        if np.array_equal(self.values[before], self.values[before + 1]):  # Not but for the last digit.
+            return self.values[before]
+        smooth = self.interpolation == "smooth"
         if self.turns:
             rotations = Rotation.from_matrix(np.stack([euler_rotation(angles) for angles in self.values]))
-            turning = (RotationSpline if splined else Slerp)(self.frames, rotations)
-            return rotation_to_euler(turning(time).as_matrix())
-        if splined:
+            spline = partial(turned_smoothly, self.frames, rotations) if smooth else Slerp(self.frames, rotations)
+            return rotation_to_euler(spline(frame).as_matrix())
+        time = self._eased(frame, before) if smooth else frame
+        if smooth and len(self.frames) > 2:
             return np.asarray(PchipInterpolator(self.frames, self.values)(time))
         share = (time - self.frames[before]) / (self.frames[before + 1] - self.frames[before])
         return (1.0 - share) * self.values[before] + share * self.values[before + 1]
