@@ -173,7 +173,7 @@ def test_three_processes_share_a_sequence_and_one_is_killed(scene, shot, tmp_pat
 
 @pytest.mark.parametrize("signals", [["SIGINT"], ["SIGINT", "SIGINT"], ["SIGTERM"]], ids=str)
 def test_ctrl_c_finishes_the_frame_and_the_second_one_drops_it(scene, tmp_path, signals):
-    options = (scene, "--frames", "1-3", "-o", tmp_path / "shot.##.exr", "--samples", 3000)
+    options = (scene, "--frames", "1-3", "-o", tmp_path / "shot.##.exr", "--samples", 10_000)
     process = start(*options, "--progress", "json")
     for line in process.stdout:
         if json.loads(line)["event"] == "progress":
@@ -182,7 +182,7 @@ def test_ctrl_c_finishes_the_frame_and_the_second_one_drops_it(scene, tmp_path, 
         process.send_signal(signal.Signals[name])
         time.sleep(0.2)
     output, errors = process.communicate(timeout=300)
-    assert process.returncode == 130
+    assert process.returncode == 130, errors
     assert "Traceback" not in errors
     assert json.loads(output.splitlines()[-1])["interrupted"]
     assert f"the same command goes on: lightdepth render {scene} --frames 1-3" in errors

@@ -157,7 +157,9 @@ def render(
                 session.display(PngDisplay(files[1], exposure))
             with Reporter(progress, files, exposure) as reporter:
                 run(session, job, reporter, interruption)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, RuntimeError):
+            if not interruption.dropped:
+                raise
             when = (
                 "again; the picture was not finished" if interruption.wait else "while preparing; nothing was written"
             )
@@ -244,11 +246,12 @@ def check_output(target: Path, files: list[Path], suffix: str) -> None:
 class Interruption:
     """Ctrl-C: raises ``KeyboardInterrupt``, or with ``wait`` is noted first, so that the picture can be written.
 
-    The second one always raises.
+    The second one always raises. What is raised may arrive as a ``RuntimeError``, for Dr.Jit wraps what passes through a
+    loop that it traces; ``dropped`` tells.
     """
 
     def __init__(self) -> None:
-        self.asked, self.wait = False, False
+        self.asked, self.wait, self.dropped = False, False, False
 
     def __enter__(self) -> Interruption:
         self._before = signal.signal(signal.SIGINT, self._note)
@@ -259,8 +262,13 @@ class Interruption:
 
     def _note(self, *_: object) -> None:
         if self.asked or not self.wait:
-            raise KeyboardInterrupt
+            self.drop()
         self.asked = True
+
+    def drop(self, *_: object) -> None:
+        """Give up at once."""
+        self.dropped = True
+        raise KeyboardInterrupt
 
 
 class Reporter:

@@ -109,12 +109,14 @@ def _render(
         _refuse_errors(moving, wanted)
         interruption.wait = True
         reporter.interruption = interruption
-        with _terminable():
+        with _terminable(interruption):
             complete = rendering.run(lambda: interruption.asked)
     except LightdepthError as error:
         reporter.report(Failure(str(error)))
         raise
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, RuntimeError):
+        if not interruption.dropped:
+            raise
         complete = False
     reporter.report(Done(str(wanted.files.pattern), interrupted=not complete))
     reporter.end(complete)
@@ -123,13 +125,9 @@ def _render(
 
 
 @contextmanager
-def _terminable() -> Iterator[None]:
+def _terminable(interruption: Interruption) -> Iterator[None]:
     """Let a polite kill, as farms send it, drop the frame and give back its claim, as the second Ctrl-C does."""
-
-    def drop(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, drop)
+    before = signal.signal(signal.SIGTERM, interruption.drop)
     try:
         yield
     finally:
