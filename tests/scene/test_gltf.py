@@ -196,7 +196,9 @@ def test_emission_of_high_range_comes_from_a_file_beside(parts_of, tmp_path, suf
     radiance = np.array([[[16.0, 2.0, 0.5], [0.0, 0.0, 0.0]], [[1.0, 1.0, 1.0], [0.25, 8.0, 0.125]]], np.float32)
     write_radiance(tmp_path / f"glow{suffix}", radiance)
     material = surface(emissiveFactor=[1.0, 0.5, 0.25], emissiveTexture={"index": 0})
-    document = gltf_document(material=material, images=[b""], samplers=[{"wrapS": 33071, "magFilter": 9728}])
+    document = gltf_document(
+        material=material, images=[b""], samplers=[{"wrapS": 33071, "wrapT": 33071, "magFilter": 9728}]
+    )
     document["images"] = [{"uri": f"glow{suffix}"}]
     texture = parts_of(document)[0].material.emission
     np.testing.assert_allclose(texture.pixels, radiance * [1.0, 0.5, 0.25], rtol=0.01)

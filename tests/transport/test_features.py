@@ -24,7 +24,7 @@ from lightdepth.scene.model import (
 )
 from tests.recovery.test_irradiance import corner_factor
 from tests.scene.gltf_writer import gltf_document, write_glb
-from tests.transport.places import CAPTURE, GREY, HIGH, LOW, ball, box_depth, lamp_image, picture, room
+from tests.transport.places import CAPTURE, GREY, HIGH, LOW, ball, box_depth, box_mesh, lamp_image, picture, room
 
 FLOOR_RADIANCE = 0.2
 """Of the floor in walls of radiance 1: its albedo is 0.2 then, for E = pi."""
@@ -326,3 +326,13 @@ def test_many_objects_of_all_kinds_are_distinguished():
     frame = lightdepth.render(scene, "view", samples=1)
     assert set(np.unique(frame.object_id)) == {0, 1, 2, 3, 4, 5}
     assert frame.object_names == tuple(f"ball {i}" for i in range(5))
+
+
+def test_walls_far_away_have_no_specks():
+    """Cones toward an object 300 radii away are so narrow that their cosine is 1 in single precision."""
+    far = np.array([200.0, 200.0, 200.0])
+    scene = room(objects=[ball(GREY)], max_bounces=1)
+    walls = replace(scene.real[0], mesh=box_mesh(-far, far))
+    frame = lightdepth.render(replace(scene, real=(walls,)), "pano", samples=16, seed=1)
+    # The ball fills 1e-5 of the hemisphere there.
+    assert np.abs(frame.change).max() < 1e-5

@@ -23,6 +23,8 @@ MOST_SPHERES = 6
 DIRECTED_SHARE = 0.5
 """Share of object-directed samples where the objects fill a small part of the view."""
 
+ROUNDING = 1.0 + 1e-3
+"""Factor on the squared sine of a cone's angle up to which directions count as inside: its rim is rounded."""
 NEAR = 0.5
 """Share of a sphere's radius up to which its surface counts as near."""
 
@@ -90,7 +92,7 @@ class Cones:
     """Directions from a point toward the spheres, sampled uniformly over the sum of their solid angles."""
 
     def __init__(self, point: mi.Point3f, centres: list[mi.Point3f], radii: list[mi.Float]) -> None:
-        self._axes, self._cosines, self._solid_angles = [], [], []
+        self._axes, self._squared_sines, self._solid_angles = [], [], []
         self.solid_angle = mi.Float(0.0)
         for centre, radius in zip(centres, radii, strict=True):
             offset = mi.Vector3f(centre - point)
@@ -100,7 +102,7 @@ class Cones:
             # 1 - cos without cancellation, for objects that are far away.
             versine = dr.select(sine_squared < 1.0, sine_squared / (1.0 + cosine), 2.0)
             self._axes.append(offset * dr.rsqrt(dr.maximum(squared, 1e-20)))
-            self._cosines.append(cosine)
+            self._squared_sines.append(dr.select(sine_squared < 1.0, sine_squared * ROUNDING, dr.inf))
             self._solid_angles.append(dr.two_pi * versine)
             self.solid_angle += self._solid_angles[-1]
 
@@ -120,8 +122,11 @@ class Cones:
     def pdf(self, direction: mi.Vector3f) -> mi.Float:
         """Density of :meth:`sample` per steradian."""
         covering = mi.Float(0.0)
-        for axis, cosine in zip(self._axes, self._cosines, strict=True):
-            covering += dr.select(dr.dot(axis, direction) >= cosine, 1.0, 0.0)
+        for axis, squared_sine in zip(self._axes, self._squared_sines, strict=True):
+            # By the sine: the cosine of a small angle is 1 in single precision, and a direction that was drawn but is
+            # not recognised would get the weight of one that was drawn by chance.
+            within = (dr.squared_norm(dr.cross(axis, direction)) <= squared_sine) & (dr.dot(axis, direction) > 0.0)
+            covering += dr.select(within | dr.isinf(squared_sine), 1.0, 0.0)
         return dr.select(self.solid_angle > 0.0, covering / self.solid_angle, 0.0)
 
 
