@@ -8,8 +8,6 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from lightdepth.store import OFF, VARIABLE, default_store
-
 
 def cache(
     clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False,
@@ -21,6 +19,8 @@ def cache(
 
     Example: lightdepth cache --clear
     """
+    from lightdepth.store import OFF, VARIABLE, default_store
+
     console = Console(highlight=False, soft_wrap=True)
     store = default_store()
     if store is None:
