@@ -18,7 +18,7 @@ from lightdepth.kernel.start import start
 start()
 from lightdepth.cli.app import main
 from lightdepth.film import light_image, rendering, schedule
-schedule.PATHS, rendering.LIGHTS_SERVE, light_image.AT_ONCE = 1 << 13, 1 << 15, 1 << 11
+schedule.PATHS, rendering.LIGHTS_SERVE, light_image.AT_ONCE = 1 << 12, 1 << 15, 1 << 11
 main()
 """
 """The command line with passes so small that a small picture has many."""
@@ -73,7 +73,7 @@ def test_killed_at_random_moments_nothing_is_lost(scene, uninterrupted, tmp_path
         for line in process.stdout:
             if '"event": "progress"' in line:
                 fractions.append(float(line.split('"fraction": ')[1].split(",")[0]))
-                time.sleep(choose.uniform(0.0, 0.1))
+                time.sleep(choose.uniform(0.0, 0.02))  # A pass or two: ten lives must not be enough to finish.
                 process.kill()
                 break
         process.communicate()

@@ -66,7 +66,7 @@ def test_coverage_is_ranked_and_names_count_once():
     (manifest,) = (value for name, value in header.items() if name.endswith("/manifest"))
     assert json.loads(manifest) == {"vase": f"{matte_id('vase'):08x}", "ball": f"{matte_id('ball'):08x}"}
     # The pixel's largest part decides, that of none included.
-    assert mattes.dominant(10).tolist() == [0, 0, 0, 1, 0, 0, 0, 1, 0, 0]
+    assert mattes.dominant(10, [0, 0, 1]).tolist() == [0, 0, 0, 1, 0, 0, 0, 1, 0, 0]
     lone = Mattes(
         np.array([0, 1], np.uint32),
         np.array([2, 2], np.uint32),
@@ -74,7 +74,7 @@ def test_coverage_is_ranked_and_names_count_once():
         mattes.objects,
         mattes.materials,
     )
-    assert lone.dominant(2).tolist() == [0, 2]
+    assert lone.dominant(2, [0, 0, 1]).tolist() == [0, 2]
 
 
 def test_materials_are_named_after_their_objects():

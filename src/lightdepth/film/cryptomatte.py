@@ -38,13 +38,16 @@ class Mattes:
     objects: tuple[str, ...]
     materials: tuple[str, ...]
 
-    def dominant(self, size: int) -> NDArray[np.uint32]:
+    def dominant(self, size: int, owners: Sequence[int]) -> NDArray[np.uint32]:
         """Which object covers most of each pixel of an image of ``size`` pixels, shape (size,).
 
-        0 is none of them, i + 1 the i-th of the objects' names in the order of the shapes.
+        0 is none of them, i + 1 the i-th object.
+
+        Args:
+            size: pixels of the image.
+            owners: for each shape, the index of its object; objects need not have different names.
         """
-        names = list(dict.fromkeys(self.objects))
-        pixels, ids, shares = _together(self, np.array([names.index(name) + 1 for name in self.objects], np.uint32))
+        pixels, ids, shares = _together(self, np.array(owners, np.uint32) + np.uint32(1))
         most, rest = np.zeros(size, np.float32), np.ones(size, np.float32)
         np.subtract.at(rest, pixels, shares)
         np.maximum.at(most, pixels, shares)

@@ -260,7 +260,8 @@ class Rendering:
             names = shape_names(self._scene.synthetic)
             seen = render_auxiliary(self._view, self._prepared, names, frame.coverage)
             frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
-            frame.object_id = seen.mattes.dominant(frame.coverage.size).reshape(frame.coverage.shape)
+            owners = [index for index, _ in self._prepared.shapes]
+            frame.object_id = seen.mattes.dominant(frame.coverage.size, owners).reshape(frame.coverage.shape)
         return frame
 
     def origin(self, samples: int) -> Origin:
