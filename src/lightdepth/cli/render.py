@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import signal
-import sys
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
+from lightdepth.cli.reporting import EventReporter
 from lightdepth.errors import InputError
 from lightdepth.files import exists
 
@@ -271,8 +270,8 @@ class Interruption:
         raise KeyboardInterrupt
 
 
-class Reporter:
-    """Tells of a session's events: as a bar for persons, as a JSON object a line for programs, or in the end only.
+class Reporter(EventReporter):
+    """Reports the rendering of one picture.
 
     Args:
         kind: ``bar``, ``json`` or ``none``.
@@ -281,42 +280,19 @@ class Reporter:
     """
 
     def __init__(self, kind: str, files: list[Path], exposure: float = 0.0) -> None:
-        self._kind, self._files, self._exposure = kind, files, exposure
-        self._console = Console(stderr=True, highlight=False, soft_wrap=True)
-        self._bar: Progress | None = None
-        if kind == "bar":
-            columns = (
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TextColumn("{task.percentage:>3.0f}%  {task.fields[facts]}"),
-                TimeRemainingColumn(),
-            )
-            self._bar = Progress(*columns, console=self._console, transient=False)
-            self._task = self._bar.add_task(files[0].stem, total=1.0, facts="")
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:>3.0f}%  {task.fields[facts]}"),
+            TimeRemainingColumn(),
+        )
+        super().__init__(kind, files[0].stem, columns)
+        self._files, self._exposure = files, exposure
 
-    def __enter__(self) -> Reporter:
-        return self
+    def _show(self, event: Event) -> None:
+        from lightdepth.session.events import Done, Progress, Stage
 
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def begin(self) -> None:
-        """Say who speaks."""
-        from lightdepth.session.events import Hello
-
-        self.report(Hello(metadata.version("lightdepth")))
-
-    def report(self, event: Event) -> None:
-        """Tell of an event."""
-        from lightdepth.session.events import Caution, Done, Progress, Stage
-
-        if self._kind == "json":
-            sys.stdout.write(event.to_json() + "\n")
-            sys.stdout.flush()
-        if isinstance(event, Caution):
-            self._console.print(f"warning: {event.message}", style="yellow", markup=False)
-        elif isinstance(event, Done) and self._kind != "json":
+        if isinstance(event, Done) and self._kind != "json":
             self._console.print(self._ending(event))
         elif self._bar is None:
             return

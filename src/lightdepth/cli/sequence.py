@@ -8,14 +8,13 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, TextColumn
 
+from lightdepth.cli.reporting import EventReporter
 from lightdepth.errors import InputError, LightdepthError
 
 if TYPE_CHECKING:
@@ -153,44 +152,21 @@ def _refuse_errors(moving: SceneFrames, wanted: SequenceJob) -> None:
         raise InputError("\n".join(found))
 
 
-class _Reporter:
-    """Tells of a sequence's events: as a bar for persons, as a JSON object a line for programs, or in the end only."""
+class _Reporter(EventReporter):
+    """Reports the rendering of a sequence."""
 
     def __init__(self, kind: str, wanted: SequenceJob) -> None:
-        self._kind, self._wanted = kind, wanted
-        self._console = Console(stderr=True, highlight=False, soft_wrap=True)
+        columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[facts]}")
+        super().__init__(kind, "frames", columns)
+        self._wanted = wanted
         self._frames: dict[str, list[int]] = defaultdict(list)
         self._told = False
         self.interruption: Interruption | None = None
-        self._bar: Progress | None = None
-        if kind == "bar":
-            columns = TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[facts]}")
-            self._bar = Progress(*columns, console=self._console, transient=False)
-            self._task = self._bar.add_task("frames", total=1.0, facts="")
 
-    def __enter__(self) -> _Reporter:
-        return self
+    def _show(self, event: Event) -> None:
+        from lightdepth.session.events import FrameState, SequenceProgress
 
-    def __exit__(self, *_: object) -> None:
-        if self._bar is not None:
-            self._bar.stop()
-
-    def begin(self) -> None:
-        """Say who speaks."""
-        from lightdepth.session.events import Hello
-
-        self.report(Hello(metadata.version("lightdepth")))
-
-    def report(self, event: Event) -> None:
-        """Tell of an event."""
-        from lightdepth.session.events import Caution, FrameState, SequenceProgress
-
-        if self._kind == "json":
-            sys.stdout.write(event.to_json() + "\n")
-            sys.stdout.flush()
-        if isinstance(event, Caution):
-            self._console.print(f"warning: {event.message}", style="yellow", markup=False)
-        elif isinstance(event, FrameState):
+        if isinstance(event, FrameState):
             self._frames[event.state].append(event.frame)
         elif isinstance(event, SequenceProgress):
             self._progress(event)

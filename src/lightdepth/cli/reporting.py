@@ -1,0 +1,61 @@
+"""How commands report a session's events: as a bar, as a JSON object a line for programs, or in the end only."""
+
+from __future__ import annotations
+
+import sys
+from abc import ABC, abstractmethod
+from importlib import metadata
+from typing import TYPE_CHECKING, Self
+
+from rich.console import Console
+from rich.progress import Progress, ProgressColumn
+
+if TYPE_CHECKING:
+    from lightdepth.session.events import Event
+
+
+class EventReporter(ABC):
+    """What the reporters of all commands share.
+
+    Args:
+        kind: ``bar``, ``json`` or ``none``.
+        name: of the bar.
+        columns: of the bar.
+    """
+
+    def __init__(self, kind: str, name: str, columns: tuple[ProgressColumn, ...]) -> None:
+        self._kind = kind
+        self._console = Console(stderr=True, highlight=False, soft_wrap=True)
+        self._bar: Progress | None = None
+        if kind == "bar":
+            self._bar = Progress(*columns, console=self._console, transient=False)
+            self._task = self._bar.add_task(name, total=1.0, facts="")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def begin(self) -> None:
+        """Say who speaks."""
+        from lightdepth.session.events import Hello
+
+        self.report(Hello(metadata.version("lightdepth")))
+
+    def report(self, event: Event) -> None:
+        """Report an event."""
+        from lightdepth.session.events import Caution
+
+        if self._kind == "json":
+            sys.stdout.write(event.to_json() + "\n")
+            sys.stdout.flush()
+        if isinstance(event, Caution):
+            self._console.print(f"warning: {event.message}", style="yellow", markup=False)
+        else:
+            self._show(event)
+
+    @abstractmethod
+    def _show(self, event: Event) -> None:
+        """Show a person an event that is no warning."""
