@@ -60,8 +60,7 @@ def settle(layer: NDArray[np.float32], error: NDArray[np.float32], here: NDArray
     grey = layer.mean(axis=2)
     around = cv2.medianBlur(grey, 5)
     limit = CONTRAST * around + SIGMAS * cv2.medianBlur(np.ascontiguousarray(error, np.float32), 5)
-    excess = grey - limit
-    lone = here & (excess > 0.0) & (error * np.sqrt(np.float32(FEW)) > excess)
+    lone = here & (grey > limit) & (error * np.sqrt(np.float32(FEW)) > grey - around)
     # The rim of a lamp in a metal ball is found by few samples as well, but beside others that many agree on.
     solid = cv2.dilate(np.where(here & ~lone, grey, np.float32(0.0)), np.ones((5, 5), np.uint8))
     lone &= solid < BESIDE * grey + CONTRAST * around
