@@ -170,8 +170,8 @@ def _check_shape(pixels: NDArray, sphere: PhotoSphere | None, path: Path) -> Non
         )
     if sphere is None and _is_dual_fisheye(pixels):
         raise InputError(
-            f"{path}: shows two fisheye circles side by side, not an equirectangular panorama; stitch it with the "
-            "program of the camera's maker, or cut it in two and use `lightdepth capture stitch --circle auto`"
+            f"{path}: shows two fisheye circles side by side, not an equirectangular panorama; stitch it with "
+            f"`lightdepth capture stitch {path.name} -o {path.stem}.exr --dual`, or with the program of the camera's maker"
         )
 
 
