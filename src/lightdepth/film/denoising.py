@@ -145,12 +145,15 @@ def _denoised_change(
     relative = rim.extended(window.cut(frame.change)) / (window.cut(frame.plate) + floor)
     error = _error(frame, window) / (np.maximum(uncovered, np.float32(1e-6)) * (window.cut(frame.plate) + floor))
     most = np.abs(relative).sum(dtype=np.float64)
-    positive, negative = (np.maximum(part, np.float32(0.0)) for part in (relative, -relative))
-    settled = settle(positive, error.mean(axis=2), uncovered[:, :, 0] > 0.0, scale)
+    # Fireflies stand out of what is left of the photograph's light: in a shadow of little, be the change negative there.
+    left = np.maximum(relative + np.float32(1.0), np.float32(0.0))
+    settled = settle(left, error.mean(axis=2), uncovered[:, :, 0] > 0.0, min(scale, 1.0))
+    relative = relative + (settled.plain - left)
     added, taken = (
-        filtered(part, scale, part.sum(dtype=np.float64) < MINOR * most) for part in (settled.plain, negative)
+        filtered(part, scale, part.sum(dtype=np.float64) < MINOR * most)
+        for part in (np.maximum(relative, np.float32(0.0)), np.maximum(-relative, np.float32(0.0)))
     )
-    clean = _consistent(added - taken, settled.plain - negative, error) + settled.glints
+    clean = _consistent(added - taken, relative, error) + settled.glints
     clean = clean[window.inner] * (plate + floor)
     # At narrow contact shadows the filter overshoots; no more can be taken away than was there.
     clean = np.maximum(clean, np.minimum(-plate, 0.0)) * uncovered[window.inner]
@@ -167,7 +170,7 @@ def _error(frame: Frame, window: Window) -> NDArray[np.float32]:
 
 
 def _consistent(
-    clean: NDArray[np.float32], noisy: NDArray[np.float32], error: NDArray[np.floating]
+    clean: NDArray[np.float32], noisy: NDArray[np.floating], error: NDArray[np.floating]
 ) -> NDArray[np.float32]:
     """What the filter gave, held to what the samples allow: the more there are, the less may be changed."""
     return noisy + np.clip(clean - noisy, -MOST_ERRORS * error, MOST_ERRORS * error)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 FEW = 8
 """An excess that fewer samples than this carry is a firefly."""
-CONTRAST, SIGMAS = 2.0, 4.0
+CONTRAST, SIGMAS = 1.3, 4.0
 """A pixel exceeds its surroundings where it is above this many times their median plus this many of their errors."""
 GLINT = 6.0
 """Radiance, where middle grey is 0.18, above which a denoiser no longer keeps light."""
