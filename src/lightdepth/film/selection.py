@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Topology, Viewpoint
 from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.preparation import Prepared
 
@@ -37,7 +38,7 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
             )
             seen = view.rays(film, mi.Point2f(0.5))
             ray, inside = seen.ray, seen.inside
-            found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
+            found = first_hit(surfaces.all, ray, coherent=True, active=inside)
             on_real = surfaces.is_real(found)
             hit = surfaces.real_hit(ray, found, on_real)
             reached |= inside & found.is_valid() & (~on_real | surfaces.receives(hit))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
 from lightdepth.kernel.arrays import aligned, aligned_columns
+from lightdepth.kernel.tracing import first_hit, meets
 from lightdepth.kernel.variables import as_point
 from lightdepth.place.light_list import LightSample
 from lightdepth.place.real_light import RealLight
@@ -99,7 +100,7 @@ class Sun(RealLight):
         if not self.surfaces.has_real:
             return mi.Bool(False)
         beyond = mi.Ray3f(ray.o, ray.d)
-        return self.surfaces.blockers.ray_test(beyond, coherent=False, active=active)
+        return meets(self.surfaces.blockers, beyond, active)
 
     def transmittance(self, point: mi.Point3f) -> mi.Color3f:
         """Share of the sun that the mask lets through to points, world: curtains and bars that are not modelled."""
@@ -148,7 +149,7 @@ class _ShadowMap:
         starts = s[..., None] * right + t[..., None] * up + top * direction
         origin = mi.Point3f(*map(mi.Float, aligned_columns(starts.reshape(-1, 3))))
         ray = mi.Ray3f(origin, mi.Vector3f(*(-direction).tolist()))
-        found = surfaces.blockers.ray_intersect_preliminary(ray, coherent=True)
+        found = first_hit(surfaces.blockers, ray, coherent=True)
         reached = np.where(found.is_valid().numpy(), top - found.t.numpy(), -np.inf).reshape(rows, columns)
         lowest = minimum_filter(reached, size=DILATION, mode="nearest")
         self._heights = mi.Float(aligned(lowest.astype(np.float32)))

@@ -18,6 +18,7 @@ from functools import reduce
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import Cones, ObjectBounds
@@ -132,7 +133,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         context, parameters = mi.BSDFContext(), self.parameters
         bounds = self.bounds if self.has_support else None
 
-        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found = first_hit(self.surfaces.all, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
@@ -256,7 +257,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             u: uniform random numbers that pick them.
             active: where it is wanted.
         """
-        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found = first_hit(self.surfaces.all, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)

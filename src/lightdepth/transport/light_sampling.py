@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.kernel.tracing import first_interaction, loop_mode, meets
 from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.place import Place
@@ -256,15 +257,15 @@ class LightSampling:
             return mi.Float(1.0)
         if self._surfaces.materials.have_holes:
             return self._masked_transmittance(ray, active)
-        return dr.select(self._surfaces.synthetic.ray_test(ray, coherent=False, active=active), 0.0, 1.0)
+        return dr.select(meets(self._surfaces.synthetic, ray, active), 0.0, 1.0)
 
     @dr.syntax
     def _masked_transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """The same where materials have holes: from surface to surface."""
         materials = self._surfaces.materials
         ray, active, passed = mi.Ray3f(ray), mi.Bool(active), mi.Float(1.0)
-        while active:
-            si = self._surfaces.synthetic.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
+        while dr.hint(active, mode=loop_mode()):
+            si = first_interaction(self._surfaces.synthetic, ray, active)
             active &= si.is_valid()
             transmission = materials.null_transmission(materials.index(si, active), si, active)
             passed *= dr.select(active, dr.mean(transmission), 1.0)
