@@ -1,8 +1,8 @@
 """Whether another device gives the CPU's pictures within noise, and how fast it is: ``python bench/device_check.py``.
 
-Needs nothing but Python, this repository and, where it is not installed, a folder with the wheels of it and its packages, which it
-installs aside (``--wheels``), without a network. Each device renders in a process of its own. Ends with 0 where the
-pictures agree, with 1 where they do not, and with 2 where a device did not render.
+Needs nothing but Python, this repository and, where it is not installed, a folder with the wheels of it and its packages,
+which it installs aside (``--wheels``), without a network. Each device renders in a process of its own. Ends with 0 where
+the pictures agree, with 1 where they do not, and with 2 where a device did not render.
 """
 
 from __future__ import annotations
