@@ -79,7 +79,7 @@ def render_auxiliary(
         dr.eval(middle, distance)  # At once: one by one would trace all rays again.
         shape[band.rows] = middle.numpy().reshape(band.shape)
         depth[band.rows] = distance.numpy().reshape(band.shape)
-        mean_normal, mean_albedo = (dr.zeros(kind, dr.width(band.row)) for kind in (mi.Vector3f, mi.Color3f))
+        mean_normal, mean_albedo = dr.zeros(mi.Vector3f, dr.width(band.row)), dr.zeros(mi.Color3f, dr.width(band.row))
         differs = dr.zeros(mi.UInt32, dr.width(band.row))
         dr.make_opaque(mean_normal, mean_albedo, differs)  # Literal zeros would need a kernel of their own.
         for i in range(subpixels):
@@ -158,6 +158,6 @@ def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Colo
     material = surfaces.materials.index(si, on_synthetic)
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
-    normal = dr.select(on_synthetic, si.sh_frame.n, hit.normal & on_real)
+    normal = dr.select(on_synthetic, mi.Vector3f(si.sh_frame.n), hit.normal & on_real)
     photographed = dr.minimum(place.photograph.sharp(hit, ray.d), 1.0) & inside
     return normal, dr.select(on_synthetic, diffuse, photographed), _shapes(prepared, found, inside)

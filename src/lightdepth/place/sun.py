@@ -107,8 +107,9 @@ class Sun(RealLight):
         if self._mask is None:
             return mi.Color3f(1.0)
         right, up = (dr.dot(mi.Vector3f(point), mi.Vector3f(axis)) for axis in self._axes[:2])
-        low, extent = self._mask_extent.xy, self._mask_extent.zw
-        at = (mi.Point2f(right, up) - mi.Point2f(low)) / mi.Point2f(extent - low)
+        extent = self._mask_extent
+        low, high = mi.Point2f(extent.x, extent.y), mi.Point2f(extent.z, extent.w)
+        at = (mi.Point2f(right, up) - low) / (high - low)
         value = self._mask.eval(mi.Point2f(at.x, 1.0 - at.y))
         inside = (at.x >= 0.0) & (at.x <= 1.0) & (at.y >= 0.0) & (at.y <= 1.0)
         channels = [value[i] for i in range(len(value))]
@@ -118,7 +119,7 @@ class Sun(RealLight):
         """How much the sun should weigh among the RIS candidates at points: by the shadow map, never 0."""
         if self._shadow_map is None:
             return mi.Float(LIKELY)
-        return dr.select(self._shadow_map.may_be_lit(point), LIKELY, UNLIKELY)
+        return dr.select(self._shadow_map.may_be_lit(point), mi.Float(LIKELY), UNLIKELY)
 
     def _direction(self, u: mi.Float, v: mi.Float) -> mi.Vector3f:
         fall = u * self._versine

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields
 
@@ -251,7 +251,7 @@ def _beside(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f) -> m
     return dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
 
 
-def _scene(shapes: dict[str, mi.Shape], robust: bool = False) -> mi.Scene:
+def _scene(shapes: Mapping[str, mi.Shape], robust: bool = False) -> mi.Scene:
     return load({"type": "scene", "embree_use_robust_intersections": robust, **shapes})
 
 

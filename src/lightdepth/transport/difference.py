@@ -168,7 +168,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             rho = dr.select(begins, 1.0, rho)
         active &= on_synthetic | (dr.max(rho) > 0.0) | ((hit.gloss > 0) & (dr.max(specular_scale) > 0.0))
         point = dr.select(on_synthetic, si.p, hit.point)
-        normal = dr.select(on_synthetic, si.n, hit.normal)
+        normal = dr.select(on_synthetic, mi.Vector3f(si.n), hit.normal)
         cones: Cones | None = None
         if bounds is not None:
             cones = bounds.cones(point)
@@ -271,7 +271,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, directed, specular_scale)
         vertex = Vertex(
             point,
-            dr.select(on_synthetic, si.n, hit.normal),
+            dr.select(on_synthetic, mi.Vector3f(si.n), hit.normal),
             si,
             self.surfaces.materials.index(si, on_synthetic),
             support,

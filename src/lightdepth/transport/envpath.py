@@ -220,7 +220,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
 
         # Line 16: algorithm 2.
         point = dr.select(on_synthetic, si.p, hit.point)
-        normal = dr.select(on_synthetic, si.n, hit.normal)
+        normal = dr.select(on_synthetic, mi.Vector3f(si.n), hit.normal)
         materials = self.surfaces.materials
         material = materials.index(si, on_synthetic)
         own = self.place.photograph.surface_radiance(hit, on_support)

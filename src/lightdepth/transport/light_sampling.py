@@ -77,7 +77,7 @@ class LightSampling:
 
         In difference mode the result depends on whether the one shadow ray is blocked, so its candidates count as one.
         """
-        return self.map_share * dr.select(in_difference, 1.0, float(self._parameters.candidates))
+        return self.map_share * dr.select(in_difference, mi.Float(1.0), float(self._parameters.candidates))
 
     def direct(
         self,
@@ -115,7 +115,7 @@ class LightSampling:
         radiance = light.radiance * gain * self._place.transmittance(light, vertex.point)
         if self._has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
-            reference.p, reference.n = vertex.point, vertex.normal
+            reference.p, reference.n = vertex.point, mi.Normal3f(vertex.normal)
             position = mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
             sampled, weight = self._surfaces.all.sample_emitter_direction(
                 reference, position, False, active & ~from_map
@@ -257,7 +257,7 @@ class LightSampling:
             return mi.Float(1.0)
         if self._surfaces.materials.have_holes:
             return self._masked_transmittance(ray, active)
-        return dr.select(meets(self._surfaces.synthetic, ray, active), 0.0, 1.0)
+        return dr.select(meets(self._surfaces.synthetic, ray, active), mi.Float(0.0), 1.0)
 
     @dr.syntax
     def _masked_transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
@@ -271,7 +271,7 @@ class LightSampling:
             passed *= dr.select(active, dr.mean(transmission), 1.0)
             active &= passed > 0.0
             remaining = ray.maxt - si.t
-            ray = leave(si.p, si.n, ray.d, remaining)
+            ray = leave(si.p, mi.Vector3f(si.n), ray.d, remaining)
         return passed
 
 

@@ -271,7 +271,7 @@ class LightTracer:
         )
         flux = dr.select(scattered, scattered_flux, path.flux)
         flux *= dr.select(connects, 1.0 / self.parameters.connection_probability, 1.0)
-        onward = leave(si.p, si.n, direction)
+        onward = leave(si.p, mi.Vector3f(si.n), direction)
         still = mi.Bool(scattered)
         if self.place.infinite:
             # Nothing real stands before a light that is infinitely far.
@@ -299,10 +299,11 @@ class LightTracer:
         on_object = path.arrived & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_object)
-        point, normal = dr.select(on_object, si.p, hit.point), dr.select(on_object, si.n, hit.normal)
+        point = dr.select(on_object, si.p, hit.point)
+        normal = dr.select(on_object, mi.Vector3f(si.n), hit.normal)
 
         camera = connect(point, path.sampler)
-        offset = camera.origin - point
+        offset = mi.Vector3f(camera.origin - point)
         distance = dr.norm(offset)
         outgoing = offset * dr.rcp(dr.maximum(distance, 1e-20))
         cosine, incoming_cosine = dr.dot(normal, outgoing), dr.dot(normal, incoming)
