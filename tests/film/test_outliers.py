@@ -18,7 +18,7 @@ def sampled(mean, seed=3):
 def settled(grey, error, here=HERE) -> Settled:
     colour = np.float32([1.0, 0.8, 0.6]) / np.float32(0.8)
     layer = grey[:, :, None].astype(np.float32) * colour
-    result = settle(layer, error.astype(np.float32), here, 0.18 / 0.5)
+    result = settle(layer, error.astype(np.float32), here.astype(np.float32), 0.18 / 0.5)
     assert result.plain.min() >= 0.0
     return result
 
@@ -59,6 +59,15 @@ def test_a_thin_line_is_no_row_of_fireflies():
     grey[10:80, 60] += 4.0
     error[10:80, 60] = 40.0 * np.sqrt(0.1 * 0.9 / SAMPLES)
     np.testing.assert_allclose(settled(grey, error).plain.mean(axis=2), grey, rtol=1e-5)
+
+
+def test_a_firefly_on_a_rim_is_worth_its_share():
+    """A pixel that the layer fills by a tenth holds a tenth of the light that the whole pixel would."""
+    share = np.where(np.arange(SHAPE[1]) < 68, 1.0, np.where(np.arange(SHAPE[1]) == 68, 0.1, 0.0)) * np.ones(SHAPE)
+    grey, error = sampled(np.where(share > 0.0, 0.5, 0.0))
+    grey[40, 68], error[40, 68] = 30.0, 29.0
+    result = settled(grey, error, share)
+    np.testing.assert_allclose((share * result.plain.mean(axis=2)).sum(), (share * grey).sum(), rtol=1e-3)
 
 
 def test_light_is_spread_only_where_the_layer_is():

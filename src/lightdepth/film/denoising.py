@@ -126,7 +126,7 @@ def _denoised_synthetic(filtered: _Filter, frame: Frame, window: Window, scale: 
     rim = _Rim.of(covered)
     filtered.extend(rim)
     error = _error(frame, window) / np.maximum(covered, np.float32(1e-6))
-    settled = settle(rim.extended(window.cut(frame.synthetic)), error.mean(axis=2), covered[:, :, 0] > 0.0, scale)
+    settled = settle(rim.extended(window.cut(frame.synthetic)), error.mean(axis=2), covered[:, :, 0], scale)
     clean = _consistent(filtered(settled.plain, scale), settled.plain, error) + settled.glints
     clean = (clean * covered)[window.inner]
     return np.where(_touched(frame.synthetic[window.rectangle.slices]), clean, np.float32(0.0))
@@ -147,7 +147,7 @@ def _denoised_change(
     most = np.abs(relative).sum(dtype=np.float64)
     # Fireflies stand out of what is left of the photograph's light: in a shadow of little, be the change negative there.
     left = np.maximum(relative + np.float32(1.0), np.float32(0.0))
-    settled = settle(left, error.mean(axis=2), uncovered[:, :, 0] > 0.0, min(scale, 1.0))
+    settled = settle(left, error.mean(axis=2), uncovered[:, :, 0], min(scale, 1.0))
     relative = relative + (settled.plain - left)
     added, taken = (
         filtered(part, scale, part.sum(dtype=np.float64) < MINOR * most)

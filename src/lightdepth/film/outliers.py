@@ -45,18 +45,19 @@ class Settled:
     glints: NDArray[np.float32]
 
 
-def settle(layer: NDArray[np.float32], error: NDArray[np.float32], here: NDArray[np.bool_], scale: float) -> Settled:
-    """Spread the fireflies of a layer and set its glints aside; the sum over ``here`` stays the same.
+def settle(layer: NDArray[np.float32], error: NDArray[np.float32], share: NDArray[np.float32], scale: float) -> Settled:
+    """Spread the fireflies of a layer and set its glints aside; the sum weighted by ``share`` stays the same.
 
     Args:
         layer: not negative, shape (height, width, 3), float32.
         error: standard error of the mean of its channels, shape (height, width), float32; where it is not known, infinite,
             the layer stays as it is.
-        here: pixels in which the layer is, shape (height, width); light is spread only there.
+        share: of each pixel that the layer fills, shape (height, width); light is spread only where it is above 0.
         scale: factor that brings the layer to the brightness of an ordinary exposure.
     """
     if not np.isfinite(error).all():
         return Settled(layer, np.zeros_like(layer))
+    here = share > 0.0
     grey = layer.mean(axis=2)
     around = cv2.medianBlur(grey, 5)
     limit = CONTRAST * around + SIGMAS * cv2.medianBlur(np.ascontiguousarray(error, np.float32), 5)
@@ -68,17 +69,17 @@ def settle(layer: NDArray[np.float32], error: NDArray[np.float32], here: NDArray
     lone &= ~cv2.dilate(crowded.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
     too_bright = here & ~lone & (grey * scale > GLINT)
     kept = np.where(lone, np.minimum(around, grey), np.where(too_bright, np.float32(GLINT / scale), grey))
-    share = (kept / np.maximum(grey, np.float32(1e-30)))[:, :, None]
-    plain = np.where((lone | too_bright)[:, :, None], layer * share, layer)
+    factor = (kept / np.maximum(grey, np.float32(1e-30)))[:, :, None]
+    plain = np.where((lone | too_bright)[:, :, None], layer * factor, layer)
     rest = layer - plain
     if lone.any():
-        plain = plain + _spread(np.where(lone[:, :, None], rest, np.float32(0.0)), around, here)
+        plain = plain + _spread(np.where(lone[:, :, None], rest, np.float32(0.0)), around, share)
     return Settled(plain, np.where(too_bright[:, :, None], rest, np.float32(0.0)))
 
 
-def _spread(loose: NDArray[np.float32], around: NDArray[np.float32], here: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _spread(loose: NDArray[np.float32], around: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
     """The light of fireflies, spread over the pixels around each that hold the layer."""
-    size, spread = loose.mean(axis=2), np.zeros_like(loose)
+    size, spread, here = loose.mean(axis=2) * share, np.zeros_like(loose), share > 0.0
     allowed = VISIBLE * np.maximum(around, np.float32(0.05) * float(around[here].mean()))
     left = size > 0.0
     for deviation in SPREADS:
@@ -88,8 +89,8 @@ def _spread(loose: NDArray[np.float32], around: NDArray[np.float32], here: NDArr
         left = left & ~these
         if not these.any():
             continue
-        weight = cv2.GaussianBlur(here.astype(np.float32), (0, 0), deviation, borderType=cv2.BORDER_CONSTANT)
-        amount = these * np.minimum(most / np.maximum(size, np.float32(1e-30)), 1.0) / np.maximum(weight, 0.05)
+        weight = cv2.GaussianBlur(share, (0, 0), deviation, borderType=cv2.BORDER_CONSTANT)
+        amount = these * share * np.minimum(most / np.maximum(size, np.float32(1e-30)), 1.0) / np.maximum(weight, 0.05)
         part = cv2.GaussianBlur(
             loose * amount[:, :, None].astype(np.float32), (0, 0), deviation, borderType=cv2.BORDER_CONSTANT
         )
