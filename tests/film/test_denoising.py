@@ -196,11 +196,12 @@ def test_charts_meet_without_a_seam(denoised, camera):
 
 
 def test_precise_pixels_are_left_as_they_are(denoised):
-    """No pixel is changed by more than three of its standard errors, so that more samples lead to the truth."""
+    """No pixel changes by more than three of its standard errors, a firefly by six: more samples lead to the truth."""
     frame = panorama_frame()
     frame.variance = np.full(frame.plate.shape, 1e-4, np.float32)
     frame.change = np.maximum(frame.change, -frame.plate)  # More than there is cannot be taken away.
     result = denoise(frame)
     for layer in ("change", "synthetic"):
         change = np.abs(getattr(result, layer) - getattr(frame, layer))
-        assert 0.02 < change.max() <= 0.0301
+        assert 0.02 < change.max() <= 0.01 * (3.0 + 8.0**0.5) + 1e-3
+        assert np.quantile(change, 0.999) <= 0.0301
