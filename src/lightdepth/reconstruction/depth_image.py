@@ -75,7 +75,10 @@ def read_depth_image(
     if values.shape[0] < 8:
         raise InputError(f"{path}: depth has {values.shape[0]} rows; at least 8 are needed")
     if whole and scale is None:
-        raise InputError(f"{path}: holds whole numbers; give --scale, the metres of one (0.001 for millimetres)")
+        raise InputError(
+            f"{path}: holds whole numbers; give --scale, the metres of one (0.001 for millimetres), or --estimated, if a "
+            "network made it"
+        )
     if kind is None:
         check_kind(path, values)
     depth = along_rays(values, kind or "ray", 1.0 if scale is None else scale)
