@@ -183,8 +183,8 @@ def main() -> None:
         for what in ("distances", "disparity", "disparity, 8 bit"):
             found, surfaces = outcome(name, what)
             print(
-                f"| {name} | {what} | {1000 * found.floor:.1f} mm, {found.tilt:.2f} deg | {100 * found.wall:.1f} % | "
-                f"{100 * found.typical:.2f} %, {100 * found.most:.1f} % | {found.faces} |",
+                f"| {name} | {what} | {1000 * found.floor:.1f} mm, {found.tilt:.2f} deg | {100 * found.wall:.2f} % | "
+                f"{100 * found.typical:.2f} %, {100 * found.most:.2f} % | {found.faces} |",
                 flush=True,
             )
     _, surfaces = outcome("l_shaped_room", "distances")

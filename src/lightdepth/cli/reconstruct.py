@@ -97,6 +97,22 @@ def layout(
             metavar='"NAME: X,Y X,Y height=H"', help="An upright sheet (screen, curtain) by its foot line. Repeatable."
         ),
     ] = None,
+    slope: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar='"X,Y X,Y X,Y ..."',
+            help="A sloped ceiling by three points or more, not in one line, where it meets walls. The ceiling is the "
+            "lowest of the slopes and of --ceiling. Repeatable.",
+        ),
+    ] = None,
+    lamp: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar='"NAME: at=X,Y from=X,Y rim=X,Y"',
+            help="A hanging lamp by the pixels of its middle, of where it hangs from the ceiling, and of its rim; or "
+            "'height=H' of its middle instead of 'from', 'radius=R' or 'size=X,Y,Z' (a box) instead of 'rim'. Repeatable.",
+        ),
+    ] = None,
     outdoor: Annotated[
         bool, typer.Option("--outdoor", help="No room: a ground disk that receives shadows; the sky is far away.")
     ] = False,
@@ -122,8 +138,10 @@ def layout(
 
     if outdoor == (floor is not None):
         raise InputError("give either --floor (a room) or --outdoor (a ground disk)")
-    if not outdoor and (ceiling is None) == (ceiling_corner is None):
+    if ceiling is not None and ceiling_corner is not None:
         raise InputError("give either --ceiling (metres) or --ceiling-corner (one click)")
+    if not outdoor and ceiling is None and ceiling_corner is None and not slope:
+        raise InputError("give --ceiling (metres), --ceiling-corner (one click), or the ceiling's slopes by --slope")
     place = read_posed_panorama(
         source, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height
     )
@@ -135,7 +153,7 @@ def layout(
             err=True,
         )
     surfaces = surfaces_from_layout(
-        Clicked(floor, ceiling_corner, box or [], table or [], panel or []),
+        Clicked(floor, ceiling_corner, box or [], table or [], panel or [], slope or [], lamp or []),
         place,
         camera_height=camera_height,
         ceiling=ceiling,
