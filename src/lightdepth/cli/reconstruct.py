@@ -145,6 +145,7 @@ def layout(
     place = read_posed_panorama(
         source, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height
     )
+    _announce(write)
     if camera_height is not None and abs(place.pose.position[2] - camera_height) > 1e-6:
         floor_level = place.pose.position[2] - camera_height
         typer.echo(
@@ -242,6 +243,7 @@ def from_depth(
     place = read_posed_panorama(
         panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height
     )
+    _announce(write)
     if estimated:
         estimate = read_estimate(depth, channel)
     else:
@@ -332,6 +334,7 @@ def from_points(
     from lightdepth.reconstruction.result import closed
 
     place = read_posed_panorama(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
+    _announce(write)
     require_package("pymeshlab", "points")  # Not first found out when all points are read and cleaned.
     cloud = read_points(points, scale, up.value, parse_three(origin, "--origin") or (0.0, 0.0, 0.0))
     with _progress() as progress:
@@ -419,6 +422,12 @@ def _lights_table(sources: Sequence[Source]) -> Table:
         size = f"{item.size[0]:.2f} x {item.size[1]:.2f} {unit}"
         shown.add_row(str(number), *where, distance, size, f"{100 * item.share:.1f} %", f"{item.luminance:.4g}")
     return shown
+
+
+def _announce(scene: Path | None) -> None:
+    """Say before the work that a scene file will be begun, as a wrong name would."""
+    if scene is not None and not scene.exists():
+        typer.echo(f"{scene} does not exist and will be begun with this panorama", err=True)
 
 
 def _progress() -> Progress:

@@ -83,6 +83,12 @@ def read_depth_image(
         check_kind(path, values)
     depth = along_rays(values, kind or "ray", 1.0 if scale is None else scale)
     depth[~(depth > 0.0)] = np.inf if sky else np.nan
+    known = depth[np.isfinite(depth)]
+    if known.size > 1 and known.min() == known.max():
+        raise InputError(
+            f"{path}: all its distances are {known[0]:g} m; this is no depth of a place. Was the picture exported with the "
+            "wrong range or channel?"
+        )
     if sky_beyond is not None:
         depth[depth >= sky_beyond] = np.inf
     if not np.isfinite(depth).any():
