@@ -77,6 +77,21 @@ def truth(
     console.print(f"truth and the methods, top to bottom: {RESULTS / table['picture']}", highlight=False, markup=False)
 
 
+@app.command()
+def suns() -> None:
+    """Rooms whose sun the capture point does not see: bias with the sun declared, recovered and missing, and its cost.
+
+    The figures are printed and kept in bench/results/suns.json, from where the page takes them.
+    """
+    from bench.suns import EFFORT, keep
+    from bench.suns import suns as measure_suns
+
+    tables = measure_suns(EFFORT, console)
+    keep(tables)
+    for table in tables:
+        _print_table(table)
+
+
 def _print_table(table: dict[str, Any]) -> None:
     console.print(f"\n{table['title']}", markup=False)
     for row in [table["head"], *table["rows"]]:

@@ -143,7 +143,8 @@ def _recovered(
     if grey:
         extra, error, method = (*_from_grey(view, explained, grey, direction, now), "known albedo")
     elif pairs:
-        extra, error, method = (*_from_pairs(view, explained, pairs, direction), "clicked pairs")
+        only = ExplainedLight(_alone(scene, share), scene.real, scene.render.seed)
+        extra, error, method = (*_from_pairs(view, explained, only, pairs, direction), "clicked pairs")
     elif sunlight is not None:
         edges = measured(view, predicted_edges(view, sunlight, direction), REACH)
         edges = edges.where(np.isfinite(edges.offset))
@@ -194,14 +195,27 @@ def _sun_within(
 
 
 def _from_pairs(
-    view: PanoramaView, explained: ExplainedLight, pairs: Sequence[Pair], direction: FloatArray
+    view: PanoramaView,
+    explained: ExplainedLight,
+    only: ExplainedLight,
+    pairs: Sequence[Pair],
+    direction: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Irradiance beyond the map's on a surface that faces the source, from clicked pairs, and its standard error."""
+    """Irradiance beyond the map's on a surface that faces the source, from clicked pairs, and its standard error.
+
+    Args:
+        view: the photograph.
+        explained: all light of the map.
+        only: that of the source alone.
+        pairs: what was clicked.
+        direction: toward the source, unit, world, shape (3,).
+    """
     lit, shaded = np.array([pair.lit for pair in pairs]), np.array([pair.shaded for pair in pairs])
     seen_lit, seen_shaded = view.look(lit), view.look(shaded)
     light = explained.irradiance(seen_lit.point, seen_lit.normal, SAMPLES)
-    # The shadow's caster may not be modelled: there the source's clipped light is still in the map, but not the rest.
+    # What throws the shadow may not be modelled; the source's light does not arrive there even so.
     shade = explained.irradiance(seen_shaded.point, seen_shaded.normal, SAMPLES)
+    shade = np.maximum(shade - only.irradiance(seen_shaded.point, seen_shaded.normal, SAMPLES), 0.0)
     cosine = seen_lit.normal @ direction
     if np.any(cosine <= 0.05):
         raise InputError("--pair: a surface that is said to be lit faces away from the clipped source")
