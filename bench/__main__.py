@@ -79,15 +79,25 @@ def truth(
 
 @app.command()
 def suns() -> None:
-    """Rooms whose sun the capture point does not see: bias with the sun declared, recovered and missing, and its cost.
-
-    The figures are printed and kept in bench/results/suns.json, from where the page takes them.
-    """
-    from bench.suns import EFFORT, keep
+    """Rooms whose sun the capture point does not see: bias with the sun declared, recovered and missing, and its cost."""
+    from bench.missing_light import keep
+    from bench.suns import EFFORT
     from bench.suns import suns as measure_suns
 
     tables = measure_suns(EFFORT, console)
-    keep(tables)
+    keep("suns", tables)
+    for table in tables:
+        _print_table(table)
+
+
+@app.command()
+def clipped() -> None:
+    """Panoramas clipped on purpose: the sun that is recovered, and the depth of its shadows."""
+    from bench.clipped import clipped as measure_clipped
+    from bench.missing_light import keep
+
+    tables = measure_clipped(console)
+    keep("clipped", tables)
     for table in tables:
         _print_table(table)
 

@@ -9,6 +9,7 @@ from typing import Any
 from bench.analysis import convergence, percent, select, spread
 from bench.foreign import kept
 from bench.goals import goals
+from bench.missing_light import kept as kept_missing_light
 from bench.pictures import plot_convergence, show_side_by_side
 
 DOCS = Path(__file__).parents[1] / "docs"
@@ -85,6 +86,7 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
         lines += _wrong_models(results, place)
     if cost is not None:
         lines += _cost(cost)
+    lines += missing_light()
     lines += _foreign()
     lines.append("## Settings of the methods\n")
     lines += [f"- {results['labels'][key]}: {text}." for key, text in results["settings"].items()]
@@ -181,6 +183,21 @@ def _wrong_models(results: dict[str, Any], place: str) -> Iterator[str]:
             ["model", "method", "objects: signed", "objects: RMSE of 8x8", "changed: signed", "changed: RMSE of 8x8"],
             rows,
         )
+
+
+def missing_light() -> Iterator[str]:
+    """Suns and clipped light, declared and recovered, as ``python -m bench suns`` and ``clipped`` measured them."""
+    tables = kept_missing_light()
+    if tables:
+        yield "## Light that the photograph lacks\n"
+        yield (
+            "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
+            "(recovery.md). *Time at equal error* is the processor time times the relative variance, against the same "
+            "room and photograph without the sun declared.\n"
+        )
+    for table in tables:
+        yield f"**{table['title']}**\n"
+        yield _table(table["head"], table["rows"])
 
 
 def _foreign() -> Iterator[str]:

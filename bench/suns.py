@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +15,7 @@ from bench.methods.job import Shot
 from bench.methods.own import scene_of
 from bench.places import PLACES
 from bench.places.sun import Sun
-from bench.run import FULL, RESULTS, SEEDS, Effort, take_shot
+from bench.run import FULL, SEEDS, Effort, take_shot
 from bench.truth import Estimate
 from lightdepth.kernel.start import start
 from lightdepth.lighting.sun import recover_sun
@@ -24,7 +23,6 @@ from lightdepth.scene.model import Scene, SunLight
 
 ROOMS = ("sunlit_room", "barred_windows")
 REGIONS = ("objects", "changed", "influenced")
-SUNS = RESULTS / "suns.json"
 EFFORT = replace(FULL, places=ROOMS, photograph=(512, 256), cameras={"view": 128}, truth_samples={"view": 2048})
 """What is spent: with less than for the methods, signed errors of a hundredth of what is asked for are still seen."""
 COST_SAMPLES = 32
@@ -68,21 +66,11 @@ def suns(effort: Effort, console: Console) -> list[dict[str, Any]]:
             "rows": [row for room in rooms for row in _bias(room, samples, console)],
         },
         {
-            "title": f"What a declared sun costs, {COST_SAMPLES} samples: processor time, and time at equal error",
-            "head": ["room", "processor time", *(f"time at equal error, {region}" for region in REGIONS)],
+            "title": f"What a declared sun costs, {COST_SAMPLES} samples a pixel",
+            "head": ["room", "processor time", *(f"noise of a pixel, {region}: without, with" for region in REGIONS)],
             "rows": [_cost(room, console) for room in rooms],
         },
     ]
-
-
-def keep(tables: list[dict[str, Any]]) -> None:
-    """Put the tables where the page takes them from."""
-    SUNS.write_text(json.dumps(tables, indent=1) + "\n")
-
-
-def kept() -> list[dict[str, Any]]:
-    """The tables that were kept; none where there are none."""
-    return json.loads(SUNS.read_text()) if SUNS.is_file() else []
 
 
 def _room(name: str, effort: Effort, console: Console) -> Room:
@@ -114,14 +102,17 @@ def _bias(room: Room, samples: int, console: Console) -> list[list[str]]:
 
 
 def _cost(room: Room, console: Console) -> list[str]:
-    """Ratios of with to without the sun in the same room, whose photograph is the same."""
+    """Processor time with the sun against without in the same room and photograph, and the noise of both.
+
+    Without the sun little changes in its patch, where it now is the strongest light: the noise is of another quantity.
+    """
     console.print(f"{room.name}: cost", highlight=False)
     scene = scene_of(room.shot)
     regions = find_regions(room.truth, room.shot.plate)
-    scenes = {"with": scene, "without": replace(scene, lights=())}
+    scenes = {"without": replace(scene, lights=()), "with": scene}
     images: dict[str, list[Any]] = {kind: [] for kind in scenes}
     seconds: dict[str, list[float]] = {kind: [] for kind in scenes}
-    for kind, each in scenes.items():
+    for each in scenes.values():
         _image(room.shot, each, COST_SAMPLES, 99)  # Prepares and compiles.
     for seed in range(REPEATS):
         for kind, each in scenes.items():
@@ -131,15 +122,14 @@ def _cost(room: Room, console: Console) -> list[str]:
     longer = float(np.median(seconds["with"]) / np.median(seconds["without"]))
     row = [room.name, f"{100.0 * (longer - 1.0):+.0f} %"]
     for region in REGIONS:
-        noise = {kind: _relative_variance(np.array(of), regions[region]) for kind, of in images.items()}
-        row.append(f"{100.0 * (longer * noise['with'] / noise['without'] - 1.0):+.0f} %")
+        row.append(", ".join(f"{100.0 * _noise(np.array(images[kind]), regions[region]):.2f} %" for kind in images))
     return row
 
 
-def _relative_variance(images: Any, region: Any) -> float:
-    """Mean variance over renderings with different seeds, over the squared mean radiance of the region."""
+def _noise(images: Any, region: Any) -> float:
+    """Standard deviation of pixels over renderings with different seeds, relative to the mean radiance of the region."""
     inside = images[:, region]
-    return float(inside.var(axis=0, ddof=1).mean() / inside.mean() ** 2)
+    return float(np.sqrt(inside.var(axis=0, ddof=1).mean()) / inside.mean())
 
 
 def _image(shot: Shot, scene: Scene, samples: int, seed: int) -> tuple[Any, float]:

@@ -144,6 +144,7 @@ def sun_of(scene):
     [
         ("pairs", "10,200", "1 points, 2 are needed"),
         ("pairs", "500,380 500,100", "point 2 lies on no real surface"),
+        ("pairs", "200.5,266.5 200.5,277.5", "contradict each other"),  # The first is in the trees' shadow.
         ("grey", "500,380", "write a place and its albedo"),
         ("grey", "500,380 1.5", "not between 0.01 and 1"),
         ("grey", "500,380 1 1 1", "the albedo is too large"),
