@@ -29,7 +29,7 @@ from lightdepth.scene.model import Panorama
 
 DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
-SKY_ROWS = 1024
+SKY_ROWS = 256
 """Rows of pixels, at most, from which the sky's mean radiance is taken."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import direction_to_latlong, pixel_directions
 
-ROWS = 45
-"""Of the map; its cells are 4 degrees wide."""
+ROWS = 36
+"""Of the map; its cells are 5 degrees wide."""
 ELEVATION_WEIGHT = 10.0
 """How many times more a degree of elevation counts than one around: skies differ with elevation first."""
 NEAREST = 1.0
@@ -58,8 +58,8 @@ def sky_map(
     for row in range(ROWS):  # All pairs at once would take much memory.
         part = slice(row * columns, (row + 1) * columns)
         around = np.degrees(np.arccos(np.clip(axes[part] @ axes[seen].T, -1.0, 1.0)))
-        higher = above[part, None] - above[seen]
-        squared = around**2 + (ELEVATION_WEIGHT**2 - 1.0) * higher**2 + NEAREST**2
+        higher = above[row * columns] - above[seen]
+        squared = around**2 + ((ELEVATION_WEIGHT**2 - 1.0) * higher**2 + NEAREST**2)
         share = weight / (squared * squared * squared)  # The nearest counts most.
         result[part] = share @ mean / share.sum(axis=1, keepdims=True)
     return np.asarray(result.reshape(ROWS, columns, 3), dtype=np.float32)
@@ -73,8 +73,8 @@ def _medians(place: NDArray[np.intp], colours: NDArray[np.float64], axes: NDArra
         colours: of the pixels, shape (pixels, 3).
         axes: toward the cells, shape (n, 3).
     """
-    order = np.argsort(place, kind="stable")
-    ends = np.cumsum(np.bincount(place))
-    own = np.array([np.median(part, axis=0) for part in np.split(colours[order], ends[:-1])])
+    counts = np.bincount(place)
+    middle = np.cumsum(counts) - counts + counts // 2
+    own = np.stack([channel[np.lexsort((channel, place))[middle]] for channel in colours.T], axis=1)
     near = axes @ axes.T > np.cos(np.radians(NEAR))
     return np.array([np.median(own[chosen], axis=0) for chosen in near])
