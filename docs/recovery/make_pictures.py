@@ -1,9 +1,9 @@
-"""Make the pictures of clipped light: a cafe's lamps and a low sun, clipped on purpose, recovered, and as they are.
+"""Make the picture of clipped light: a low sun over a park, clipped on purpose, recovered, and as it is.
 
-python docs/recovery/make_pictures.py FOLDER [cafe|park]
+python docs/recovery/make_pictures.py FOLDER
 
-FOLDER holds `comfy_cafe_1k.hdr` and `rooitou_park_1k.hdr` of Poly Haven (CC0). Whole panoramas are the truth here: each
-picture shows the objects in the light of the clipped panorama, of the recovered one, and of the whole one.
+FOLDER holds `rooitou_park_1k.hdr` of Poly Haven (CC0). The whole panorama is the truth here: the picture shows the objects
+in the light of the clipped panorama, of the recovered one, and of the whole one.
 """
 
 from __future__ import annotations
@@ -27,37 +27,9 @@ from lightdepth.scene.load import load_scene
 HERE = Path(__file__).parent
 LEVEL = 8.0
 """Times its mean at which a panorama is clipped."""
-SAMPLES = 256
+SAMPLES = 64
 COMMAND = [sys.executable, "-c", "from lightdepth.cli.app import main; main()"]
 
-CAFE = """[panorama]
-image = "pano.exr"
-position = [0.0, 0.0, 1.6]
-rotation = [-0.361, 0.052, -44.16]
-
-[[synthetic]]
-name = "ball"
-shape = "sphere"
-at = [640, 352]
-radius = 0.2
-material = { type = "diffuse", color = [0.6, 0.6, 0.6] }
-
-[[synthetic]]
-name = "box"
-shape = "cube"
-at = [596, 362]
-scale = 0.15
-material = { type = "diffuse", color = [0.55, 0.2, 0.15] }
-
-[camera.view]
-type = "perspective"
-width = 400
-height = 320
-fov = 48
-look_at = [1.24, 1.98, 0.45]
-"""
-CAFE_FLOOR = "1003,338 738,312 538,322 305,312"
-CAFE_HEIGHT = "3.4"
 PARK = """[panorama]
 image = "pano.exr"
 position = [0.0, 0.0, 1.6]
@@ -87,42 +59,16 @@ type = "perspective"
 width = 400
 height = 320
 fov = 58
-look_at = [-2.6, -0.5, 0.2]
+look_at = [-2.6, 0.2, 0.3]
 """
 PARK_GREY = ((200, 380), (500, 400), (800, 390))
 """Pixels of the meadow whose albedo is known: from the whole panorama, as with a grey card."""
 
 
 def main() -> None:
-    """Write the pictures beside this file."""
-    data = Path(sys.argv[1])
-    wanted = sys.argv[2:] or ["cafe", "park"]
-    for name, make in (("cafe", cafe), ("park", park)):
-        if name in wanted:
-            with tempfile.TemporaryDirectory() as folder:
-                make(data, Path(folder))
-
-
-def cafe(data: Path, folder: Path) -> None:
-    """The lamps of a cafe, from how their light falls off."""
-    scene = folder / "room.toml"
-    scene.write_text(CAFE)
-    whole = read_radiance(data / "comfy_cafe_1k.hdr")
-    write_radiance(folder / "pano.exr", cut(whole))
-    run(
-        "reconstruct",
-        "layout",
-        scene,
-        "--ceiling",
-        CAFE_HEIGHT,
-        "--floor",
-        CAFE_FLOOR,
-        "-o",
-        folder / "meshes",
-        "--write",
-        scene,
-    )
-    three(scene, whole, [], "cafe-clipped")
+    """Write the picture beside this file."""
+    with tempfile.TemporaryDirectory() as folder:
+        park(Path(sys.argv[1]), Path(folder))
 
 
 def park(data: Path, folder: Path) -> None:

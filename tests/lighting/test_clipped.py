@@ -93,6 +93,29 @@ def test_a_shadow_whose_caster_is_not_modelled_has_none_of_the_clipped_light():
     np.testing.assert_allclose(found.irradiance, of_sun * np.sqrt(2.0), rtol=0.05)
 
 
+def test_a_sun_in_a_clipped_glow_is_a_disc_in_the_glow_s_middle():
+    """A sun of half a degree, 20 degrees over the horizon; its glow is clipped where it is 11 degrees wide to each side."""
+    height = 128
+    directions, angles = pixel_directions(height, 2 * height), pixel_solid_angles(height, 2 * height)[:, None]
+    toward = np.array([np.sin(1.0) * np.cos(0.35), np.cos(1.0) * np.cos(0.35), np.sin(0.35)])
+    away = np.degrees(np.arccos(np.clip(directions @ toward, -1.0, 1.0)))
+    sky = (0.3 + 8.0 * np.exp(-away / 8.0)) * np.array([1.0, 0.9, 0.7])[:, None, None]
+    above = directions[..., 2] > 0.0
+    sun, albedo = np.array([8.0, 7.0, 5.0]), np.array([0.1, 0.13, 0.04])
+    light = np.array([(angles * channel * directions[..., 2].clip(0.0)).sum() for channel in sky]) + sun * toward[2]
+    radiance = np.where(above[..., None], np.moveaxis(sky, 0, -1), albedo * light / np.pi).astype(np.float32)
+    clip = np.float32(np.interp(11.0, np.sort(away.ravel()), sky[2].ravel()[np.argsort(away.ravel())]))
+    plain = RealSurface("plain", rectangle((-300.0, -300.0, 0.0), (600.0, 0.0, 0.0), (0.0, 600.0, 0.0)), Role.SUPPORT)
+    panorama = Panorama(np.minimum(radiance, clip), np.array([0.0, 0.0, 1.6]), np.eye(3), sky=True)
+    found = recover_clipped(Scene(panorama, (plain,)), grey=["20.5,100.5 0.1 0.13 0.04"])[0]
+    assert found.source.diameter == 0.53
+    u, v = np.array(found.source.pixel) / (2 * height, height)
+    assert np.degrees(np.arccos(latlong_to_direction(u, v) @ toward)) < 0.5
+    # What the glow itself lost counts as the sun's.
+    lost = np.maximum(sky - clip, 0.0) * above
+    np.testing.assert_allclose(found.irradiance, sun + (angles * lost).sum(axis=(1, 2)), rtol=0.05)
+
+
 def test_a_sun_that_was_not_clipped_is_left_alone(court):
     scene, _, _, diameter = court
     (found,) = recover_clipped(scene, diameter=diameter)

@@ -31,6 +31,12 @@ DARKEST, WHITEST = 0.02, 0.95
 """Albedos that the typical surface has at least, and every one at most: the bounds where nothing else narrows them."""
 NOT_CLIPPED = 0.1
 """Share of the source's light, up to which what is missing may be the recovery's own error."""
+LEAST_CERTAIN = 0.3
+"""Relative standard error of a gain from falloff beyond which the photograph does not determine it."""
+MORE_THAN_GLOW = 4.0
+"""Times the clipped light of a large plateau of sky that, where they are missing, are the sun's."""
+LARGEST_GLOW = 25.0
+"""Degrees of a plateau's angular radius up to which its middle says where in it the sun stands."""
 ROUNDS = 3
 """In which several sources are recovered, each with what the last round found of the others."""
 POINTS = 1500
@@ -154,9 +160,16 @@ def _recovered(
             extra, error, method = combined.value, combined.uncertainty, "shadow edges"
     if extra is None:
         gain, relative = fit_gain(scene, view, share)
-        if gain is None:
+        if gain is None or not np.all(relative <= LEAST_CERTAIN):
             return nothing
         extra, error, method = (gain - 1.0) * now, relative * gain * now, "falloff"
+    glow = plateau.sky and not sun and plateau.angular_radius <= LARGEST_GLOW
+    if glow and float(extra.sum()) > MORE_THAN_GLOW * float(now.sum()):
+        place = _source_at(scene, plateau, direction, diameter)  # No glow misses that much: it is the sun's disc.
+        share = covered(scene.panorama.radiance, place)
+        angles = pixel_solid_angles(*share.shape)[:, None] * share
+        now = (scene.panorama.radiance * angles[..., None]).sum(axis=(0, 1)).astype(np.float64)
+        nothing = replace(nothing, clipped_irradiance=now)
     total = np.maximum(now + extra, now)
     if float((total - now).sum()) <= NOT_CLIPPED * float(total.sum()):
         return replace(nothing, method="not clipped")
