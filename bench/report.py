@@ -192,9 +192,10 @@ def missing_light() -> Iterator[str]:
         yield "## Light that the photograph lacks\n"
         yield (
             "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
-            "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun declared "
-            "and without it in the same room and photograph. Without it nothing strong changes, so that there is little to "
-            "be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of equal work.\n"
+            "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
+            "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
+            "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
+            "equal work.\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"
@@ -209,8 +210,9 @@ def _foreign() -> Iterator[str]:
         yield (
             "Measured one by one with `python -m bench truth`. Their glossy floors and the sky behind their windows break "
             "the assumption that real surfaces look alike from everywhere. The methods get a sixteenth of the truth's "
-            "samples. In `living-room` much of the light at the objects is sky that the capture point does not see through "
-            "the windows.\n"
+            "samples. In `living-room` much of the light at the objects is a sunset that the capture point does not see "
+            "through the windows: `difference` takes it from the sky that is seen beside it. (`envpath` was measured "
+            "before it did so.)\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"
