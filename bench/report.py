@@ -211,9 +211,9 @@ def _foreign() -> Iterator[str]:
             "Measured one by one with `python -m bench truth`. Their glossy floors and the sky behind their windows break "
             "the assumption that real surfaces look alike from everywhere. The methods get a sixteenth of the truth's "
             "samples. In `living-room` much of the light at the objects is a sunset that the capture point does not see "
-            "through the windows: `difference` takes it from the sky that is seen beside it. With 96 samples, two seeds and "
-            "all noise taken out, objects are 1.2 % too dark, and the error of 8x8 means is 7.4 % on them and 9.6 % on "
-            "influenced pixels. (`envpath` was measured before it did so.)\n"
+            "through the windows: `difference` takes it from the sky that is seen beside it. With 96 samples, two seeds "
+            "and all noise taken out, objects are 1.2 % too dark, and the error of 8x8 means is 7.4 % on them and 9.6 % "
+            "on influenced pixels. (`envpath` was measured before it did so.)\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"
