@@ -123,10 +123,10 @@ def test_no_renderer_is_left_behind(blender, tmp_path, number):
             renderers = _processes(ppid=process.pid)
             assert len(renderers) == 1
             os.kill(process.pid, number)
-            process.wait(timeout=30)
+            process.wait(timeout=120)
         finally:
             process.kill()
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60  # Only a busy machine needs more than moments.
     while (left := _processes(pgid=renderers[0])) and time.monotonic() < deadline:
         time.sleep(0.1)
     assert not left

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import trimesh
@@ -13,6 +14,7 @@ from lightdepth.api import begin_rendering
 from lightdepth.cameras import Cubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective
 from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.film.frame import Frame
+from lightdepth.kernel.start import start
 from lightdepth.scene.materials import Diffuse, Material
 from lightdepth.scene.model import (
     AnalyticShape,
@@ -27,6 +29,9 @@ from lightdepth.scene.model import (
     SyntheticObject,
     SyntheticPart,
 )
+
+start()
+from lightdepth.film import rendering  # noqa: E402 - needs a variant of Mitsuba
 
 LOW, HIGH = np.array([-2.0, -2.5, 0.0]), np.array([2.5, 3.0, 2.6])
 CAPTURE = np.array([0.2, -0.3, 1.4])
@@ -93,8 +98,12 @@ def room(
 
 
 def picture(scene: Scene, camera: str, samples: int, seed: int) -> Frame:
-    """One of many pictures: without object ids, depth, normals and albedo, which take as long as few samples."""
-    return begin_rendering(scene, camera, seed=seed).complete(samples, auxiliary=False)
+    """One of many pictures: without object ids, depth, normals, albedo and the estimate of the errors that pixels share.
+
+    Each of these takes as long as many samples.
+    """
+    with patch.object(rendering, "WORTH_SHARED", 0.0):
+        return begin_rendering(scene, camera, seed=seed).complete(samples, auxiliary=False)
 
 
 def with_floor_alone_as_support(scene: Scene) -> Scene:

@@ -1,0 +1,101 @@
+"""Another machine than this one: instruction set, threads and seed of a run, from the environment.
+
+`LIGHTDEPTH_TEST_TARGET` names one of `TARGETS`, `LIGHTDEPTH_TEST_THREADS` how many threads compute, and
+`LIGHTDEPTH_TEST_SEED` a number that all random numbers of rendering and recovery then depend on.
+`make test-machines` runs the statistical tests under several of each.
+"""
+
+import ctypes
+import os
+from pathlib import Path
+
+import numpy as np
+
+TARGETS = {
+    "sse4.2": ("x86-64-v2", "+fma", 4),
+    "avx2": ("x86-64-v3", None, 8),
+    "avx512": ("x86-64-v4", None, 16),
+}
+"""LLVM's processor, features beyond its own, and lanes of a vector. Dr.Jit's kernels need FMA, which v2 lacks."""
+NEEDED = {"sse4.2": "fma", "avx2": "avx2", "avx512": "avx512vl"}
+"""What the processor must have to run them, as Linux calls it."""
+
+
+def processor_features() -> set[str]:
+    """Of the first processor, as Linux calls them."""
+    for line in Path("/proc/cpuinfo").read_text().splitlines():
+        if line.startswith("flags"):
+            return set(line.partition(":")[2].split())
+    return set()
+
+
+def runnable_targets() -> list[str]:
+    """Names of `TARGETS` that this processor can run."""
+    features = processor_features()
+    return [name for name, feature in NEEDED.items() if feature in features]
+
+
+def apply() -> str:
+    """Compute as the environment says; returns a line about it, empty where it says nothing."""
+    target, threads, seed = (os.environ.get(f"LIGHTDEPTH_TEST_{name}") for name in ("TARGET", "THREADS", "SEED"))
+    said = []
+    if target:
+        _force_target(target)
+        said.append(f"instructions {target}")
+    if threads:
+        from lightdepth.kernel.start import start
+
+        start("cpu")
+        import drjit as dr
+
+        dr.set_thread_count(int(threads))
+        said.append(f"{threads} threads")
+    if seed and int(seed):
+        _shift_seeds(int(seed))
+        said.append(f"seed {seed}")
+    return ", ".join(said)
+
+
+def _force_target(name: str) -> None:
+    """Compile kernels for a processor of `TARGETS`."""
+    from lightdepth.kernel.start import start
+
+    if name not in runnable_targets():
+        raise ValueError(f"LIGHTDEPTH_TEST_TARGET is '{name}'; this processor runs {', '.join(runnable_targets())}")
+    start("cpu")
+    import drjit as dr
+
+    processor, features, lanes = TARGETS[name]
+    library = ctypes.CDLL(str(Path(dr.__file__).parent / "libdrjit-core.so"))
+    # `jit_llvm_set_target(const char *, const char *, uint32_t)` of Dr.Jit's public header, which Python does not have.
+    set_target = library._Z19jit_llvm_set_targetPKcS0_j
+    set_target.restype = None
+    set_target.argtypes = [ctypes.c_char_p, ctypes.c_char_p, ctypes.c_uint32]
+    set_target(processor.encode(), features and features.encode(), lanes)
+    get = library._Z19jit_llvm_target_cpuv
+    get.restype = ctypes.c_char_p
+    assert get() == processor.encode()
+
+
+def _shift_seeds(seed: int) -> None:
+    """Other random numbers for everything that begins with a seed, in NumPy and in the kernels."""
+    plain = np.random.default_rng
+
+    def shifted(given=None):
+        if isinstance(given, int | np.integer):
+            return plain([seed, int(given)])
+        return plain([seed, *given]) if isinstance(given, list) else plain(given)
+
+    np.random.default_rng = shifted
+
+    from lightdepth.kernel.start import start
+
+    start("cpu")
+    import drjit as dr
+
+    from lightdepth.film import light_image, rendering
+    from lightdepth.transport.sampler import begin_path
+
+    mixed = (seed * 0x9E3779B1) & 0xFFFFFFFF
+    for module in (rendering, light_image):
+        module.begin_path = lambda pixel, index, given: begin_path(pixel, index, given ^ dr.opaque(type(given), mixed))
