@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import stats
 
-FALSE_ALARM = 1e-7
+FALSE_ALARM = 5e-7
 """Chance that one comparison fails though nothing is wrong, whatever the processor and the seed."""
 
 

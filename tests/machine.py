@@ -5,8 +5,12 @@
 `make test-machines` runs the statistical tests under several of each.
 """
 
+import argparse
 import ctypes
 import os
+import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -99,3 +103,48 @@ def _shift_seeds(seed: int) -> None:
     mixed = (seed * 0x9E3779B1) & 0xFFFFFFFF
     for module in (rendering, light_image):
         module.begin_path = lambda pixel, index, given: begin_path(pixel, index, given ^ dr.opaque(type(given), mixed))
+
+
+STATISTICAL = [
+    "tests/transport", "tests/place", "tests/recovery", "tests/kernel", "tests/lightmap", "tests/film/test_adaptive.py",
+    "tests/film/test_selection.py", "tests/film/test_shared_errors.py",
+]  # fmt: skip
+"""Tests that compare random numbers with limits."""
+THREADS = (1, 2, 3, 4)
+
+
+def main() -> int:
+    """Run the statistical tests, each time with another seed, and in turn with all instruction sets and threads."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--runs", type=int, default=12, help="how many (%(default)s)")
+    parser.add_argument("--first", type=int, default=1, help="the first seed (%(default)s)")
+    parser.add_argument("tests", nargs="*", default=STATISTICAL, help="files and folders; all statistical tests")
+    arguments = parser.parse_args()
+    targets = runnable_targets()
+    failed = 0
+    for seed in range(arguments.first, arguments.first + arguments.runs):
+        settings = {
+            "TARGET": targets[seed % len(targets)],
+            "THREADS": str(THREADS[seed % len(THREADS)]),
+            "SEED": str(seed),
+        }
+        environment = {**os.environ, **{f"LIGHTDEPTH_TEST_{name}": value for name, value in settings.items()}}
+        command = [sys.executable, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider", "--durations=3"]
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        done = subprocess.run(
+            [*command, *arguments.tests], env=environment, cwd=Path(__file__).parents[1], capture_output=True, text=True
+        )
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        lines = done.stdout.splitlines()
+        seconds = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
+        what = ", ".join(f"{name.lower()} {value}" for name, value in settings.items())
+        print(f"{what}: {lines[-1] if lines else done.stderr[-300:]} ({seconds:.0f} s of processor time)", flush=True)
+        for line in lines:
+            if line.startswith(("FAILED", "ERROR")):
+                print(f"  {line}", flush=True)
+        failed += done.returncode != 0
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -8,6 +8,7 @@ from lightdepth.capture.photograph import foreign_profile, read_photograph, shar
 from lightdepth.capture.response import load_response
 from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError
+from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.radiance import read_radiance
 from lightdepth.reconstruction.depth_image import read_depth_image
 from lightdepth.reconstruction.point_cloud import read_points
@@ -59,6 +60,7 @@ READERS = {
     "mesh": _mesh,
     "material": lambda path: _mesh(Path(path).with_name("a.obj")),
     "image": lambda path: read_radiance(path),
+    "panorama": lambda path: read_panorama(path),
     "texture": _texture,
     "depth": _depth,
     "points": lambda path: read_points(path),

@@ -90,9 +90,9 @@ def _with_ktx2():
     return document
 
 
-def _encoded(kind, pixels, dtype=np.uint8):
+def _encoded(kind, pixels, dtype=np.uint8, **options):
     stream = io.BytesIO()
-    Image.fromarray(np.asarray(pixels).astype(dtype)).save(stream, kind)
+    Image.fromarray(np.asarray(pixels).astype(dtype)).save(stream, kind, **options)
     return stream.getvalue()
 
 
@@ -109,6 +109,13 @@ def _images():
             f"image{suffix}", "image", f"mutant{suffix}",
             _written(f"a{suffix}", lambda path: write_radiance(path, radiance)),
         )  # fmt: skip
+    exif = Image.Exif()
+    exif[274], exif[34665] = 1, {33434: 0.01}  # Orientation, and exposure among the EXIF tags proper.
+    box = b'<rdf:Description xmlns:GPano="http://ns.google.com/photos/1.0/panorama/" GPano:PoseHeadingDegrees="30"/>'
+    grey = np.full((16, 32, 3), 120)
+    for kind, suffix in (("JPEG", ".jpg"), ("TIFF", ".tif"), ("PNG", ".png")):
+        more = {"xmp": box, "exif": exif} if kind == "JPEG" else {}
+        yield Seed(f"panorama{suffix}", "panorama", f"mutant{suffix}", _encoded(kind, grey, **more))
     yield Seed("texture.png", "texture", "mutant.png", _encoded("PNG", np.arange(256).reshape(16, 16)))
     yield Seed("texture 16.png", "texture", "mutant.png", _encoded("PNG", np.arange(256).reshape(16, 16), np.uint16))
     yield Seed("texture.jpg", "texture", "mutant.jpg", _encoded("JPEG", np.arange(256).reshape(16, 16)))

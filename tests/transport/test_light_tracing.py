@@ -81,7 +81,7 @@ BESIDE, BEFORE = ball(WHITE, (-0.35, 1.1, 0.25), 0.25), ball(WHITE, (-0.2, 0.8, 
     ],
 )
 def test_every_weighting_gives_the_same_light(material, light, other, camera, method, monkeypatch):
-    """An error of a quarter of the splats' light is caught, with a false alarm once in ten million comparisons.
+    """An error of a quarter of the splats' light is caught, with a false alarm once in a million cases.
 
     As many pairs of pictures as that needs, by the spread of the first ones.
     """
@@ -101,13 +101,13 @@ def test_every_weighting_gives_the_same_light(material, light, other, camera, me
     for name, (values, splats) in found.items():
         assert splats.any()
         pairs = values - expected[:FIRST]
-        count = enough(pairs, CAUGHT * splatted)
+        count = enough(pairs, CAUGHT * splatted, len(WEIGHTS))
         assert count <= MOST, f"{name}: {count} pictures are needed"
         if len(expected) < count:
             expected = np.append(expected, sums(0.0, range(len(expected), count))[0])
         rest, _ = sums(WEIGHTS[name], range(FIRST, count)) if count > FIRST else (values[:0], None)
         pairs = np.append(values, rest) - expected[:count]
-        limit = standard_errors(FIRST - 1) * pairs[:FIRST].std(ddof=1) / np.sqrt(count)
+        limit = standard_errors(FIRST - 1, len(WEIGHTS)) * pairs[:FIRST].std(ddof=1) / np.sqrt(count)
         assert abs(pairs.mean()) < limit, name
 
 
