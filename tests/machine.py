@@ -101,11 +101,11 @@ def _shift_seeds(seed: int) -> None:
     start("cpu")
     import drjit as dr
 
-    from lightdepth.film import light_image, rendering
+    from lightdepth.film import light_image, sampling
     from lightdepth.transport.sampler import begin_path
 
     mixed = (seed * 0x9E3779B1) & 0xFFFFFFFF
-    for module in (rendering, light_image):
+    for module in (sampling, light_image):
         module.begin_path = lambda pixel, index, given: begin_path(pixel, index, given ^ dr.opaque(type(given), mixed))
 
 

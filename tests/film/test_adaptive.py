@@ -14,11 +14,14 @@ start("cpu")
 
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
-from lightdepth.film import rendering as rendering_module  # noqa: E402
-from lightdepth.film import schedule  # noqa: E402
-from lightdepth.film.schedule import PILOT_SAMPLES  # noqa: E402
+from lightdepth.film import picture_error  # noqa: E402
+from lightdepth.film.pixel_list import PixelList  # noqa: E402
+from lightdepth.film.schedule import passes  # noqa: E402
+from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
+
+PILOT_SAMPLES = FilmParameters().pilot_samples
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +64,7 @@ def test_a_pixels_own_luck_does_not_decide_how_many_samples_it_gets(scene):
     lucky = len(rendering.pixels) // 2
     error = np.zeros(len(rendering.pixels), np.float32)
     error[lucky] = 1.0
-    around = rendering._around(error)
+    around = PixelList(scene.cameras["view"], rendering.pixels).around(error, 2)
     assert around[lucky] == 0.0
     assert np.count_nonzero(around) >= 8
 
@@ -86,19 +89,19 @@ def test_noise_stops_near_its_target_and_counts_samples_truly(scene):
 
 def test_progress_costs_little(scene, monkeypatch):
     """By a clock on which a pass takes a tenth of a second, and estimating the error half of that."""
-    monkeypatch.setattr(schedule, "PATHS", 1 << 12)
     now = 0.0
-    monkeypatch.setattr(rendering_module, "time", SimpleNamespace(monotonic=lambda: now))
-    rendering = begin_rendering(scene, "view", seed=1)
+    monkeypatch.setattr(picture_error, "time", SimpleNamespace(monotonic=lambda: now))
+    small = Parameters(film=FilmParameters(paths_at_once=1 << 12))
+    rendering = begin_rendering(replace(scene, render=replace(scene.render, parameters=small)), "view", seed=1)
     in_error = 0.0
-    error = rendering.error
+    overall = rendering.errors.overall
 
     def timed():
         nonlocal in_error, now
         in_error, now = in_error + 0.05, now + 0.05
-        return error()
+        return overall()
 
-    rendering.error = timed
+    monkeypatch.setattr(rendering.errors, "overall", timed)
     fractions = []
     for step in rendering.run(128):
         fractions.append(step.fraction)
@@ -152,14 +155,13 @@ def test_memory_does_not_grow_with_the_samples():
 
 
 @pytest.mark.parametrize("wanted", [[], [0] * 5, [10_000] * 100, "random", [0] * 3000 + [7] * 10 + [0] * 3000])
-def test_passes_give_every_pixel_what_it_wants_in_bounded_portions(wanted, monkeypatch):
-    if wanted != "random":
-        monkeypatch.setattr(schedule, "PATHS", 1000)
+def test_passes_give_every_pixel_what_it_wants_in_bounded_portions(wanted):
+    parameters = FilmParameters() if wanted == "random" else FilmParameters(paths_at_once=1000)
     counts = np.random.default_rng(1).integers(0, 1000, 70_000) if wanted == "random" else wanted
     wanted = np.array(counts, np.int32)
     given = np.zeros_like(wanted)
-    for slots, portion in schedule.passes(wanted):
-        assert 0 < portion.sum() < schedule.PATHS + schedule.AT_ONCE
+    for slots, portion in passes(wanted, parameters):
+        assert 0 < portion.sum() < parameters.paths_at_once + parameters.samples_at_once
         assert len(np.unique(slots)) == len(slots)
         given[slots] += portion
     np.testing.assert_array_equal(given, wanted)

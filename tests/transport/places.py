@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from unittest.mock import patch
 
 import numpy as np
 import trimesh
@@ -14,7 +13,6 @@ from lightdepth.api import begin_rendering
 from lightdepth.cameras import Cubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective
 from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.film.frame import Frame
-from lightdepth.kernel.start import start
 from lightdepth.scene.materials import Diffuse, Material
 from lightdepth.scene.model import (
     AnalyticShape,
@@ -29,9 +27,6 @@ from lightdepth.scene.model import (
     SyntheticObject,
     SyntheticPart,
 )
-
-start()
-from lightdepth.film import rendering  # noqa: E402 - needs a variant of Mitsuba
 
 LOW, HIGH = np.array([-2.0, -2.5, 0.0]), np.array([2.5, 3.0, 2.6])
 CAPTURE = np.array([0.2, -0.3, 1.4])
@@ -102,8 +97,10 @@ def picture(scene: Scene, camera: str, samples: int, seed: int) -> Frame:
 
     Each of these takes as long as many samples.
     """
-    with patch.object(rendering, "WORTH_SHARED", 0.0):
-        return begin_rendering(scene, camera, seed=seed).complete(samples, auxiliary=False)
+    parameters = scene.render.parameters
+    parameters = replace(parameters, film=replace(parameters.film, worth_shared=0.0))
+    scene = replace(scene, render=replace(scene.render, parameters=parameters))
+    return begin_rendering(scene, camera, seed=seed).complete(samples, auxiliary=False)
 
 
 def with_floor_alone_as_support(scene: Scene) -> Scene:
