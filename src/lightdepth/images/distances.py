@@ -64,7 +64,8 @@ def read_distances(path: Path, channel: str | None = None) -> tuple[FloatArray, 
             "(512, 1024): it must be twice as wide as high"
         )
     whole = bool(np.issubdtype(values.dtype, np.integer))
-    distances = values.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # Of signalling NaN, which stay NaN.
+        distances = values.astype(np.float64)
     if path.suffix.lower() == ".png":
         distances[values == UNMEASURED] = np.nan
     elif not whole:
