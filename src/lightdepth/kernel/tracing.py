@@ -14,7 +14,7 @@ from typing import Literal
 import drjit as dr
 import mitsuba as mi
 
-ONE_SCENE_A_KERNEL = mi.variant().startswith("cuda")
+ONE_SCENE_A_KERNEL = str(mi.variant()).startswith("cuda")
 """Whether kernels can hold the intersections of a single scene only."""
 
 
