@@ -209,10 +209,10 @@ def test_damaged_exif_data_are_not_spoken_of(tmp_path, pixels):
     exif[274], exif[34665] = 1, {33434: 0.01}
     Image.fromarray(pixels).save(tmp_path / "p.jpg", exif=exif)
     content = (tmp_path / "p.jpg").read_bytes()
-    place = content.index(b"Exif") + 8
+    place = content.index(b"Exif") + 14
     (tmp_path / "p.jpg").write_bytes(
         content[:place] + b"\xff\x7f" + content[place + 2 :]
-    )  # Where the tags would begin.
+    )  # How many tags there are.
     assert read_panorama(tmp_path / "p.jpg").radiance.shape == (*pixels.shape[:2], 3)
 
 
