@@ -210,9 +210,7 @@ def test_damaged_exif_data_are_not_spoken_of(tmp_path, pixels):
     Image.fromarray(pixels).save(tmp_path / "p.jpg", exif=exif)
     content = (tmp_path / "p.jpg").read_bytes()
     place = content.index(b"Exif") + 14
-    (tmp_path / "p.jpg").write_bytes(
-        content[:place] + b"\xff\x7f" + content[place + 2 :]
-    )  # How many tags there are.
+    (tmp_path / "p.jpg").write_bytes(content[:place] + b"\xff\x7f" + content[place + 2 :])  # How many tags there are.
     assert read_panorama(tmp_path / "p.jpg").radiance.shape == (*pixels.shape[:2], 3)
 
 
