@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import warnings
 from pathlib import Path
@@ -46,7 +47,7 @@ def read_photograph(path: Path) -> PanoramaImage:
         InputError: the file is unreadable, no panorama, mirrored, upside down, or in colours that are not read.
     """
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        warnings.filterwarnings("ignore", module="PIL")  # Of many pixels, and of EXIF data that are not read here.
         pixels, profile, xmp = _decoded(path)
     height, width = pixels.shape[:2]
     sphere = read_photo_sphere(xmp, width, height, str(path))
@@ -84,7 +85,8 @@ def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes]:
             icc, xmp, orientation = _tiff_tags(path)
             pixels = None
         else:
-            with Image.open(path) as image:
+            # From memory, which gives no more than there is, whatever length a damaged chunk states.
+            with Image.open(io.BytesIO(path.read_bytes())) as image:
                 icc, xmp = image.info.get("icc_profile"), _xmp(image)
                 orientation = int(image.getexif().get(_ORIENTATION, 1) or 1)
                 pixels = None if _sixteen_bit(start) else _eight_bit(image, path)
