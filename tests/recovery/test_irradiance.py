@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from lightdepth.kernel.start import start
 
 start("cpu")
 
-from lightdepth.directions import pixel_directions  # noqa: E402
+from lightdepth.directions import latlong_to_direction  # noqa: E402
 from lightdepth.place.place import Place  # noqa: E402
 from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
 from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
@@ -42,10 +43,22 @@ def closed_form(point):
 
 def lamp_panorama(width=1024, oversampling=8):
     """A black room whose ceiling holds a rectangular lamp, each pixel the mean over its solid angle."""
-    fine = pixel_directions(width // 2 * oversampling, width * oversampling)
-    at = CAPTURE + fine * box_depth(fine)[..., None]
-    on = (np.abs(at[..., 2] - HIGH[2]) < 1e-6) & ((at[..., :2] > LAMP_LOW) & (at[..., :2] < LAMP_HIGH)).all(axis=-1)
-    share = on.reshape(width // 2, oversampling, width, oversampling).mean(axis=(1, 3))
+    height = width // 2
+
+    def on(v, u):
+        directions = latlong_to_direction(u / width, v / height)
+        at = CAPTURE + directions * box_depth(directions)[..., None]
+        return (np.abs(at[..., 2] - HIGH[2]) < 1e-6) & ((at[..., :2] > LAMP_LOW) & (at[..., :2] < LAMP_HIGH)).all(
+            axis=-1
+        )
+
+    share = on(*np.mgrid[:height, :width] + 0.5).astype(float)
+    # The pixels that its edge may cross are those whose neighbours differ.
+    edge = maximum_filter(share, 5, mode="wrap") != minimum_filter(share, 5, mode="wrap")
+    row, column = np.nonzero(edge)
+    fine = (np.arange(oversampling) + 0.5) / oversampling
+    v, u = row[:, None, None] + fine[:, None], column[:, None, None] + fine
+    share[edge] = on(*np.broadcast_arrays(v, u)).mean(axis=(1, 2))
     return np.repeat((RADIANCE * share)[..., None], 3, axis=2).astype(np.float32)
 
 

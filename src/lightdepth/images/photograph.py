@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 import warnings
 from pathlib import Path
@@ -54,7 +55,7 @@ def read_photograph(path: Path) -> PanoramaImage:
     if path.suffix.lower() in HEIF:
         optional_package("pillow_heif", "heic").register_heif_opener()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        warnings.filterwarnings("ignore", module="PIL")  # Of many pixels, and of EXIF data that are not read here.
         pixels, profile, xmp, gains = _decoded(path)
     height, width = pixels.shape[:2]
     sphere = read_photo_sphere(xmp, width, height, str(path))
@@ -101,7 +102,8 @@ def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str |
             icc, xmp, orientation = _tiff_tags(path)
             pixels = None
         else:
-            with Image.open(path) as image:
+            # From memory, which gives no more than there is, whatever length a damaged chunk states.
+            with Image.open(io.BytesIO(path.read_bytes())) as image:
                 icc, xmp = image.info.get("icc_profile"), _xmp(image)
                 orientation = int(image.getexif().get(_ORIENTATION, 1) or 1)
                 pixels = None if _sixteen_bit(start) else _eight_bit(image, path)
