@@ -103,7 +103,6 @@ def fit_lobe(images: MirrorImages, pairs: Pairs, seed: int = 0) -> Fit:
     roughnesses = np.array(ROUGHNESSES)
     fine = np.unique(np.concatenate([roughnesses, 0.5 * (roughnesses[1:] + roughnesses[:-1])]))
     tiles, tile = np.unique(pairs.tile, return_inverse=True)
-    weight = np.bincount(tile, minlength=len(tiles)).astype(np.float64)
 
     per_irradiance = np.pi / np.maximum(images.irradiance, 1e-30)
     per_irradiance /= np.maximum(np.median(images.shown * per_irradiance, axis=0), 1e-30)
@@ -111,7 +110,8 @@ def fit_lobe(images: MirrorImages, pairs: Pairs, seed: int = 0) -> Fit:
     def by_tile(mirrored: FloatArray | float) -> FloatArray:
         # Not of logarithms: highlights wash out a texture, and the lobe that leaves some of them would seem to fit better.
         albedo = (images.shown - mirrored) * per_irradiance
-        return np.bincount(tile, np.abs(albedo[pairs.first] - albedo[pairs.second]).mean(axis=1), len(tiles))
+        differences = np.abs(albedo[pairs.first] - albedo[pairs.second]).mean(axis=1)
+        return np.asarray(np.bincount(tile, differences, len(tiles)), dtype=np.float64)
 
     matt = by_tile(0.0)
     misfit = np.array([[by_tile(images.mirrored(r, s)) for s in LEVELS] for r in fine])
@@ -126,7 +126,7 @@ def fit_lobe(images: MirrorImages, pairs: Pairs, seed: int = 0) -> Fit:
         _interval(resampled[:, 0]),
         _interval(resampled[:, 1]),
         float(1.0 - misfit.sum(axis=2).min() / max(matt.sum(), 1e-30)),
-        float(np.mean(least < (drawn @ matt) * (1.0 - 1e-3))) * float(weight.sum() > 0.0),
+        float(np.mean(least < (1.0 - 1e-3) * (drawn @ matt))),
     )
 
 

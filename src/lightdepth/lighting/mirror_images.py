@@ -105,7 +105,7 @@ class Mirror:
         rows, columns = view.height // size, view.width // size
         whole = here[: rows * size, : columns * size].reshape(rows, size, columns, size).all(axis=(1, 3))
         row, column = np.nonzero(whole)
-        middles = (np.stack([column, row], axis=-1) + 0.5) * size
+        middles = np.asarray((np.stack([column, row], axis=-1) + 0.5) * size, dtype=np.float64)
         seen = view.look(middles)
         toward = view.position - seen.point
         toward /= np.linalg.norm(toward, axis=1, keepdims=True)

@@ -92,7 +92,7 @@ def prepare_place(
     if modelled.deformed:
         place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)
     if recovered.mirrored is not None:
-        place = place.with_mirrored(recovered.mirrored)
+        place = place.with_mirrored(recovered.mirrored, real.glosses)
     prepared = PreparedPlace(place, real, errors)
     with _lock:
         _kept[key] = prepared

@@ -77,6 +77,33 @@ def estimate_mirrored(
     """
     outgoing = place.capture - points
     outgoing /= np.maximum(np.linalg.norm(outgoing, axis=1, keepdims=True), 1e-12)
+    return estimate_specular(place, points, normals, outgoing, lobes, gloss, generator, samples, parameters)
+
+
+def estimate_specular(
+    place: Place,
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    outgoing: NDArray[np.floating],
+    lobes: SpecularLobes,
+    gloss: NDArray[np.uint32],
+    generator: np.random.Generator,
+    samples: int,
+    parameters: RecoveryParameters = DEFAULT,
+) -> NDArray[np.float32]:
+    """:func:`estimate_mirrored` toward any directions.
+
+    Args:
+        place: as for :func:`estimate_mirrored`, like all others but one.
+        points: likewise.
+        normals: likewise.
+        outgoing: toward the eye, unit, world, shape (n, 3).
+        lobes: likewise.
+        gloss: likewise.
+        generator: likewise.
+        samples: likewise.
+        parameters: likewise.
+    """
     return _estimate(place, points, normals, outgoing, lobes, gloss, 0.0, generator, samples, parameters)[0]
 
 
@@ -84,7 +111,7 @@ def _estimate(
     place: Place,
     points: NDArray[np.float32],
     normals: NDArray[np.float32],
-    outgoing: NDArray[np.float64] | NDArray[np.float32],
+    outgoing: NDArray[np.floating],
     lobes: SpecularLobes,
     gloss: NDArray[np.uint32],
     albedo: float,
