@@ -215,7 +215,7 @@ class _Writer:
             item.to_mesh_clear()
         settings = item.lightdepth
         table = {"name": name, "mesh": self.relative(path), "role": settings.role.lower()}
-        if settings.use_gloss and settings.role == roles.SUPPORT:
+        if settings.use_gloss and settings.role in roles.REAL:
             table["gloss"] = {"roughness": settings.roughness, "specular": settings.specular}
         self.real.append(table)
 

@@ -20,7 +20,8 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
     """Pixels that see new surfaces or surfaces that receive their influence, row-major indices, ascending.
 
     A ray is traced through each corner and the middle of every tile; a tile counts if it or any of its neighbours meets
-    a synthetic or a support surface, or if an object's bounds reach into it, so that nothing thin is missed.
+    a synthetic surface, support, or a glossy surface, or if an object's bounds reach into it, so that nothing thin is
+    missed.
     """
     surfaces = prepared.surfaces
     width, height = view.resolution
@@ -40,7 +41,7 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
             found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
             on_real = surfaces.is_real(found)
             hit = surfaces.real_hit(ray, found, on_real)
-            reached |= inside & found.is_valid() & (~on_real | surfaces.receives(hit))
+            reached |= inside & found.is_valid() & (~on_real | surfaces.scatters(hit))
             if middle is None:
                 middle = ray
             else:
