@@ -294,7 +294,7 @@ def _gloss_lines(found: RecoveredGloss) -> list[str]:
     """The same in words."""
     from lightdepth.scene.lights.frame import azimuth_and_elevation
 
-    fit, name, sources = found.fit, found.name, len(found.images.directions)
+    fit, name = found.fit, found.name
     nothing = "; nothing is recovered"
     if found.finding == "unseen":
         return [f"{name}: the capture point does not see it, or only at a grazing angle{nothing}"]
@@ -302,8 +302,8 @@ def _gloss_lines(found: RecoveredGloss) -> list[str]:
         return [f"{name}: nothing bright is mirrored where the capture point sees it{nothing}"]
     if found.finding == "matt":
         return [
-            f"{name}: matt as far as the photograph shows: bright sources ({sources}) would be mirrored in a polished one, "
-            f"but no highlight stands out from its colours{nothing}"
+            f"{name}: matt as far as the photograph shows: a polished surface would mirror bright sources there, but no "
+            f"highlight stands out from its colours{nothing}"
         ]
     (low, high), (least, most) = fit.roughness_bounds, fit.specular_bounds
     bounds = f"roughness between {low:.3g} and {high:.3g}, specular between {least:.3g} and {most:.3g}"

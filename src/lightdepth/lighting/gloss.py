@@ -52,7 +52,7 @@ class RecoveredGloss:
         fit: the lobe that explains the highlights best; ``None`` without any.
         by_source: the same from each bright source that is mirrored, the strongest first, where it shows.
         confidence: ``good``, ``fair``, ``poor`` or ``none``.
-        images: what the surface shows and would mirror.
+        images: what the surface shows and would mirror; ``None`` where there is no bright source at all.
     """
 
     name: str
@@ -61,7 +61,7 @@ class RecoveredGloss:
     fit: Fit | None
     by_source: tuple[SourceFit, ...]
     confidence: str
-    images: MirrorImages
+    images: MirrorImages | None
 
 
 def recover_gloss(scene: Scene, names: Sequence[str] = ()) -> list[RecoveredGloss]:
@@ -76,7 +76,10 @@ def recover_gloss(scene: Scene, names: Sequence[str] = ()) -> list[RecoveredGlos
     """
     view = PanoramaView(scene)
     mirror = Mirror(scene, view)
-    return [_recovered(view.names[index], mirror.images(index)) for index in _chosen(scene, names)]
+    chosen = _chosen(scene, names)
+    if not len(mirror.directions):
+        return [RecoveredGloss(view.names[index], None, "no source", None, (), "none", None) for index in chosen]
+    return [_recovered(view.names[index], mirror.images(index)) for index in chosen]
 
 
 def _chosen(scene: Scene, names: Sequence[str]) -> list[int]:

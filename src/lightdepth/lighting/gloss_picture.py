@@ -36,9 +36,10 @@ def draw_gloss(scene: Scene, surfaces: Sequence[RecoveredGloss]) -> NDArray[np.u
     view = PanoramaView(scene)
     mirrored = np.zeros((view.height, view.width, 3), np.float32)
     for each in surfaces:
-        if each.gloss is not None:
+        if each.gloss is not None and each.images is not None:
             mirrored += _upright(each.images, each.images.mirrored(each.gloss.roughness, each.gloss.specular), view)
-    seen = np.concatenate([each.images.row * each.images.size for each in surfaces])
+    images = [each.images for each in surfaces if each.images is not None]
+    seen = np.concatenate([np.zeros(0, np.int64), *(each.row * each.size for each in images)])
     first, last = (int(seen.min()), int(seen.max())) if len(seen) else (0, view.height)
     first = max(0, min(first, view.height - FEWEST_ROWS))
     last = min(view.height, max(last + 2, first + FEWEST_ROWS))

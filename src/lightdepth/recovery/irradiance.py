@@ -120,6 +120,8 @@ def _estimate(
     parameters: RecoveryParameters = DEFAULT,
 ) -> tuple[NDArray[np.float32], float]:
     """Scattered radiance from two independent halves: their mean, and the typical relative error of it."""
+    if not len(points):
+        return np.zeros((0, 3), np.float32), 0.0
     half = samples // 2
     each = dr.opaque(mi.UInt32, half)  # Not a literal, with which every count would compile a kernel of its own.
     count = min(parameters.light_samples, parameters.lights_per_sample * samples)
@@ -143,7 +145,7 @@ def _estimate(
     mean = results.mean(axis=0)
     difference = (results[0] - results[1]).mean(axis=1) / np.maximum(results.sum(axis=0).mean(axis=1), 1e-30)
     # By the median, since points that are all but dark have any relative error.
-    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference))) if len(points) else 0.0
+    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference)))
 
 
 def _scattered(
