@@ -1,17 +1,23 @@
-"""Gloss recovered from what a floor mirrors: photographs whose floors are computed, and a room that is path-traced."""
+"""Gloss recovered from what a floor mirrors, in photographs whose floors are computed."""
 
+import json
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
 from bench.places.meshes import rectangle
 
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError
+from lightdepth.images.radiance import write_radiance
 from lightdepth.kernel.start import start
+from lightdepth.lighting import mirror_images
 from lightdepth.lighting.gloss import recover_gloss
 from lightdepth.lighting.gloss_fit import find_pairs, fit_lobe
 from lightdepth.lighting.mirror_images import ROUGHNESSES, SPECULARS, MirrorImages
+from lightdepth.reconstruction.scene_file import write_meshes
+from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import Gloss, Mesh, Panorama, RealSurface, Role, Scene
 
 HEIGHT, CAPTURE = 48, np.array([0.0, 0.0, 1.5])
@@ -57,6 +63,11 @@ def place():
     return Scene(Panorama(image.astype(np.float32), CAPTURE, np.eye(3)), room()), at, floor, albedo
 
 
+@pytest.fixture(autouse=True)
+def few_samples(monkeypatch):
+    monkeypatch.setattr(mirror_images, "SAMPLES", 16)
+
+
 def photographed(place, gloss):
     """The place with a floor that sends what its albedo and its lobe make of the light of the walls."""
     start()
@@ -79,8 +90,8 @@ def photographed(place, gloss):
     return replace(scene, panorama=replace(scene.panorama, radiance=image))
 
 
-@pytest.mark.parametrize(("roughness", "specular"), [(0.15, 0.5), (0.35, 0.8)])
-def test_roughness_and_level_of_a_floor_of_planks(place, roughness, specular):
+def test_roughness_and_level_of_a_floor_of_planks(place):
+    roughness, specular = 0.35, 0.8
     (found,) = recover_gloss(photographed(place, Gloss(roughness, specular)))
     assert found.finding == "gloss"
     assert found.gloss.roughness == pytest.approx(roughness, abs=0.05)
@@ -89,14 +100,48 @@ def test_roughness_and_level_of_a_floor_of_planks(place, roughness, specular):
     np.testing.assert_allclose(found.gloss.albedo, [0.25, 0.175, 0.125], rtol=0.15)
 
 
-def test_a_matte_floor_is_matt(place):
-    (found,) = recover_gloss(photographed(place, None), ["floor"])
-    assert (found.gloss, found.finding, found.confidence) == (None, "matt", "none")
-
-
 def test_a_floor_that_mirrors_as_metal_does_is_no_dielectric(place):
     (found,) = recover_gloss(photographed(place, Gloss(0.2, 4.0)))
-    assert (found.gloss, found.finding) == (None, "too bright")
+    assert (found.gloss.specular, found.finding, found.confidence) == (1.0, "too bright", "poor")
+
+
+def written(scene, folder):
+    """The scene as files with comments, and its text."""
+    write_radiance(folder / "pano.exr", scene.panorama.radiance)
+    write_meshes(scene.real, folder)
+    text = f'# by tape\n[panorama]\nimage = "pano.exr"\nposition = {CAPTURE.tolist()}\n'
+    for surface in scene.real:
+        text += f'\n[[real]]\nname = "{surface.name}"\nmesh = "{surface.name}.ply"\nrole = "{surface.role}"  # so\n'
+    (folder / "room.toml").write_text(text)
+    return folder / "room.toml", text
+
+
+def test_the_command_writes_gloss_and_keeps_the_rest(place, command, tmp_path):
+    file, text = written(photographed(place, Gloss(0.15, 0.5)), tmp_path)
+    status, out, _ = command("recover", "gloss", file, "--write", "--json", "--picture", tmp_path / "gloss.png")
+    (found,) = json.loads(out)["surfaces"]
+    assert (status, found["finding"]) == (0, "gloss")
+    gloss = load_scene(file).real[0].gloss
+    assert (gloss.roughness, gloss.specular) == (found["gloss"]["roughness"], found["gloss"]["specular"])
+    assert gloss.roughness == pytest.approx(0.15, abs=0.05)
+    assert [line for line in file.read_text().splitlines() if not line.startswith("gloss")] == text.splitlines()
+    picture = cv2.imread(str(tmp_path / "gloss.png")).astype(float).mean(axis=2)
+    shown, mirrored, rest = np.split(picture, 3)
+    # What is mirrored is bright in the photograph, and is not in what stays without it.
+    highlight = mirrored > 0.5 * np.percentile(mirrored, 99.5)
+    assert shown[highlight].mean() > rest[highlight].mean() + 25.0
+
+
+def test_a_matte_floor_is_matt_and_nothing_is_written(place, command, tmp_path):
+    file, text = written(photographed(place, None), tmp_path)
+    status, out, _ = command("recover", "gloss", file, "--surface", "floor", "--write")
+    assert status == 0
+    assert "floor: matt as far as the photograph shows" in out
+    assert "nothing is recovered" in out
+    assert file.read_text() == text
+    status, _, err = command("recover", "gloss", file, "--surface", "flor")
+    assert status == 2
+    assert "no [[real]] surface 'flor'; it has floor, walls" in err
 
 
 def test_without_a_source_nothing_is_said(place):
@@ -106,10 +151,8 @@ def test_without_a_source_nothing_is_said(place):
     assert (found.gloss, found.finding) == (None, "no source")
 
 
-def test_unknown_surfaces_and_openings_are_refused(place):
+def test_places_without_support_and_openings_are_refused(place):
     scene, _, _, _ = place
-    with pytest.raises(InputError, match=r"no \[\[real\]\] surface 'flor'; it has floor, walls"):
-        recover_gloss(scene, ["flor"])
     with pytest.raises(InputError, match="no surface is support"):
         recover_gloss(replace(scene, real=scene.real[1:]))
     with pytest.raises(InputError, match="'walls' is an opening"):
@@ -126,7 +169,7 @@ def test_a_texture_does_not_bias_the_lobe():
         spot = np.exp(-((row - 15) ** 2 + (column - 22) ** 2) / (2.0 * width**2)) / width**2
         lobes[i] = 40.0 * np.array(SPECULARS)[:, None, None] * spot[:, None]
     fits = []
-    for seed in range(4):
+    for seed in range(3):
         albedo = np.exp(np.random.default_rng(seed).uniform(-0.5, 0.5, (rows * columns, 1))) * np.ones(3)
         white = np.full((rows * columns, 3), np.pi)
         images = MirrorImages(row, column, columns, 1, albedo, white, lobes, np.zeros(0, np.int64), np.eye(3))

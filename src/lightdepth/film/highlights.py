@@ -33,7 +33,7 @@ FEWEST_SAMPLES = 4
 SAME_POINT = 1e-6
 """Metres between a camera and the capture point, up to which it sees what is mirrored there."""
 BLUR = 3
-"""Pixels across the square in which their noise is shared."""
+"""Pixels across the square in which the noise of a lobe is shared that is wider; narrower ones have little, but edges."""
 PARAMETERS = replace(DEFAULT, lights_per_sample=1 << 12)
 
 
@@ -49,6 +49,7 @@ class Highlights:
     def __init__(self, place: Place, points: int, draft: bool = False) -> None:
         self.place, self.points = place, points
         self.lobes = SpecularLobes(place.glosses)
+        self.widths = [0.0, *(2.0 * gloss.roughness**2 for gloss in place.glosses)]  # Radians, about.
         self.samples = max(FEWEST_SAMPLES, (DRAFT_SAMPLES if draft else SAMPLES) // points // 2 * 2)
         self.generator = np.random.default_rng(0)
 
@@ -118,6 +119,7 @@ class BandHighlights:
     def __init__(self, highlights: Highlights, shape: tuple[int, int]) -> None:
         self._highlights, self._shape = highlights, shape
         self._sum, self._count = np.zeros((shape[0] * shape[1], 3)), np.zeros(shape[0] * shape[1])
+        self._wide = np.zeros(shape[0] * shape[1], bool)
 
     def add(self, hit: RealHit, seen: CameraRays) -> None:
         """Add what changes at points, one in each pixel."""
@@ -130,6 +132,8 @@ class BandHighlights:
         pixel = index.numpy()
         self._sum[pixel] += change
         self._count[pixel] += valid
+        width = dr.gather(mi.Float, mi.Float(self._highlights.widths), dr.gather(mi.UInt32, hit.gloss, index))
+        self._wide[pixel] = (width > BLUR * dr.sqrt(dr.gather(mi.Float, seen.solid_angle, index))).numpy()
 
     def change(self) -> NDArray[np.float32]:
         """The change of each pixel's radiance, shape (rows, columns, 3)."""
@@ -137,5 +141,6 @@ class BandHighlights:
         share = self._count.reshape(self._shape).astype(np.float32)
         size = (BLUR, BLUR)
         # Within the surface: neighbours that lie beside it have nothing to share.
-        mean = cv2.blur(total, size) / np.maximum(cv2.blur(share, size), 1e-6)[..., None]
-        return np.asarray(mean * (share / self._highlights.points)[..., None], dtype=np.float32)
+        mean = cv2.blur(total, size) / np.maximum(cv2.blur(share, size), 1e-6)[..., None] * share[..., None]
+        change = np.where(self._wide.reshape(self._shape)[..., None], mean, total)
+        return np.asarray(change / self._highlights.points, dtype=np.float32)

@@ -46,9 +46,9 @@ class RecoveredGloss:
     Attributes:
         name: of the surface.
         gloss: with the typical albedo beneath it; ``None`` where the photograph does not determine it.
-        finding: ``gloss``; or why there is none: ``unseen`` by the capture point, ``no source`` is mirrored where it sees
-            the surface, ``matt`` (mirror images of sources do not show), ``undetermined``, ``too bright`` (they are
-            brighter than any dielectric mirrors).
+        finding: ``gloss``, or ``too bright``, where highlights are brighter than any dielectric mirrors the sources, and
+            ``gloss`` is the closest that is one; or why there is none: ``unseen`` by the capture point, ``no source`` is
+            mirrored where it sees the surface, ``matt`` (mirror images of sources do not show), ``undetermined``.
         fit: the lobe that explains the highlights best; ``None`` without any.
         by_source: the same from each bright source that is mirrored, the strongest first, where it shows.
         confidence: ``good``, ``fair``, ``poor`` or ``none``.
@@ -123,16 +123,16 @@ def _recovered(name: str, images: MirrorImages) -> RecoveredGloss:
     low, high = fit.roughness_bounds
     if high - low > WIDEST or low >= ROUGHNESSES[-2]:
         return nothing("undetermined", fit, sources)
-    if fit.specular_bounds[0] > 1.0:
-        return nothing("too bright", fit, sources)
-    roughness, specular = round(fit.roughness, 3), round(min(fit.specular, 1.0), 3)
+    too_bright = fit.specular_bounds[0] > 1.0
+    best = fit_lobe(images, pairs, most=1.0) if too_bright else fit
+    roughness, specular = round(best.roughness, 3), round(min(best.specular, 1.0), 3)
     return RecoveredGloss(
         name,
         Gloss(roughness, specular, albedo=_albedo(images, roughness, specular)),
-        "gloss",
+        "too bright" if too_bright else "gloss",
         fit,
         sources,
-        _confidence(fit, sources),
+        "poor" if too_bright else _confidence(fit, sources),
         images,
     )
 

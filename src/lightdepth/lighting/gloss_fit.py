@@ -92,15 +92,16 @@ def find_pairs(images: MirrorImages) -> Pairs:
     return Pairs(first, second, tile)
 
 
-def fit_lobe(images: MirrorImages, pairs: Pairs, seed: int = 0) -> Fit:
+def fit_lobe(images: MirrorImages, pairs: Pairs, most: float = np.inf, seed: int = 0) -> Fit:
     """Find the lobe that leaves the least difference of albedo between pairs.
 
     Args:
         images: of the surface.
         pairs: at least ``FEWEST_PAIRS``.
+        most: the highest specular level to try.
         seed: of the bootstrap.
     """
-    roughnesses = np.array(ROUGHNESSES)
+    roughnesses, levels = np.array(ROUGHNESSES), LEVELS[most >= LEVELS]
     fine = np.unique(np.concatenate([roughnesses, 0.5 * (roughnesses[1:] + roughnesses[:-1])]))
     tiles, tile = np.unique(pairs.tile, return_inverse=True)
 
@@ -114,12 +115,12 @@ def fit_lobe(images: MirrorImages, pairs: Pairs, seed: int = 0) -> Fit:
         return np.asarray(np.bincount(tile, differences, len(tiles)), dtype=np.float64)
 
     matt = by_tile(0.0)
-    misfit = np.array([[by_tile(images.mirrored(r, s)) for s in LEVELS] for r in fine])
+    misfit = np.array([[by_tile(images.mirrored(r, s)) for s in levels] for r in fine])
     generator = np.random.default_rng(seed)
     drawn = generator.multinomial(len(tiles), np.full(len(tiles), 1.0 / len(tiles)), RESAMPLES).astype(np.float64)
-    resampled = np.array([_best(fine, misfit @ counts) for counts in drawn])
+    resampled = np.array([_best(fine, levels, misfit @ counts) for counts in drawn])
     least = np.array([(misfit @ counts).min() for counts in drawn])
-    roughness, specular = _best(fine, misfit.sum(axis=2))
+    roughness, specular = _best(fine, levels, misfit.sum(axis=2))
     return Fit(
         roughness,
         specular,
@@ -135,10 +136,10 @@ def _interval(values: FloatArray) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def _best(roughnesses: FloatArray, misfit: FloatArray) -> tuple[float, float]:
+def _best(roughnesses: FloatArray, levels: FloatArray, misfit: FloatArray) -> tuple[float, float]:
     """Where the parabola through the smallest value and its neighbours is smallest, along either axis."""
     i, j = np.unravel_index(int(np.argmin(misfit)), misfit.shape)
-    return _vertex(roughnesses, misfit[:, j], int(i)), _vertex(LEVELS, misfit[i], int(j))
+    return _vertex(roughnesses, misfit[:, j], int(i)), _vertex(levels, misfit[i], int(j))
 
 
 def _vertex(x: FloatArray, y: FloatArray, best: int) -> float:

@@ -15,8 +15,8 @@ from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.scene.model import Scene
 
 WIDTH = 1024
-FEWEST_ROWS = 96
-"""Of one strip, for a surface that is hardly seen."""
+LEAST_HEIGHT = 1 / 6
+"""Of one strip, as a share of the panorama's, for a surface that is hardly seen."""
 STRIPS = ("photographed", "mirrored, by the recovered gloss", "photographed, less what is mirrored")
 
 
@@ -41,8 +41,9 @@ def draw_gloss(scene: Scene, surfaces: Sequence[RecoveredGloss]) -> NDArray[np.u
     images = [each.images for each in surfaces if each.images is not None]
     seen = np.concatenate([np.zeros(0, np.int64), *(each.row * each.size for each in images)])
     first, last = (int(seen.min()), int(seen.max())) if len(seen) else (0, view.height)
-    first = max(0, min(first, view.height - FEWEST_ROWS))
-    last = min(view.height, max(last + 2, first + FEWEST_ROWS))
+    fewest = round(LEAST_HEIGHT * view.height)
+    first = max(0, min(first, view.height - fewest))
+    last = min(view.height, max(last + 2, first + fewest))
     shown = view.radiance[first:last]
     parts = (shown, mirrored[first:last], np.maximum(shown - mirrored[first:last], 0.0))
     stops = auto_exposure(shown)
