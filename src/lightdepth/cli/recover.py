@@ -311,13 +311,16 @@ def _gloss_lines(found: RecoveredGloss) -> list[str]:
         return [f"{name}: glossy, but the photograph does not determine how: {bounds}{nothing}"]
     assert found.gloss is not None
     too_bright = [
+        f"{name}: roughness {found.gloss.roughness:.3g}, specular {found.gloss.specular:.3g}",
         f"  its highlights are brighter than glass or lacquer makes them ({bounds}): it is metal, or the sources are "
-        "clipped (see recover clipped), hidden from the capture point, or in the wrong place; this is the closest"
+        "clipped (see recover clipped), hidden from the capture point, or in the wrong place; this is the closest",
+    ]
+    recovered = [
+        f"{name}: roughness {found.gloss.roughness:.3g} ({low:.3g} to {high:.3g}), "
+        f"specular {found.gloss.specular:.3g} ({least:.3g} to {most:.3g})"
     ]
     return [
-        f"{name}: roughness {found.gloss.roughness:.3g} ({low:.3g} to {high:.3g}), "
-        f"specular {found.gloss.specular:.3g} ({least:.3g} to {most:.3g})",
-        *(too_bright if found.finding == "too bright" else []),
+        *(too_bright if found.finding == "too bright" else recovered),
         f"  {100 * fit.explained:.0f} % of what varies between places of different highlights goes with them",
         *(
             "  from the source at azimuth {:.1f}, elevation {:.1f} alone: ".format(

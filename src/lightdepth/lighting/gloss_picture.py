@@ -71,4 +71,5 @@ def _upright(images: MirrorImages, values: NDArray[np.floating], view: PanoramaV
     wide, inside = cv2.resize(filled, size), cv2.resize(share, size, interpolation=cv2.INTER_NEAREST)
     result = np.zeros((view.height, view.width, 3), np.float32)
     result[: size[1], : size[0]] = wide * inside[..., None]
+    result[:, size[0] :] = result[:, size[0] - 1 : size[0]]  # Columns too few for a cell.
     return result
