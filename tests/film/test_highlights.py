@@ -12,9 +12,9 @@ from lightdepth.kernel.start import start
 start("cpu")
 
 from lightdepth.film.plate import render_plate  # noqa: E402
+from lightdepth.parameters import Parameters, RecoveryParameters  # noqa: E402
 from lightdepth.place.support_scattering import index_of_refraction  # noqa: E402
 from lightdepth.preparation.place import prepare_place  # noqa: E402
-from lightdepth.recovery.parameters import DEFAULT  # noqa: E402
 from lightdepth.scene.model import CameraView, Gloss, Panorama, RenderSettings, Scene  # noqa: E402
 from tests.transport.places import CAPTURE, HIGH, box_depth, room  # noqa: E402
 from tests.transport.places import with_floor_alone_as_support as with_floor  # noqa: E402
@@ -23,7 +23,7 @@ WINDOW = np.array([[-0.6, 1.0], [0.7, 1.9]])
 """Along x and z, in the wall at the largest y."""
 BRIGHT, WALL, DIFFUSE = 10.0, 0.5, 0.2
 GLOSS = Gloss(0.04, 1.0)
-FEW = replace(DEFAULT, gloss_points=512, mirrored_samples=16)
+FEW = Parameters(recovery=RecoveryParameters(gloss_points=512, mirrored_samples=16))
 
 
 def shown(points, eye):
@@ -59,13 +59,15 @@ def scene():
     radiance, _ = seen(pixel_directions(128, 256), CAPTURE)
     image = np.repeat(radiance[..., None], 3, axis=2).astype(np.float32)
     empty = with_floor(room(image, rotation=(0, 0, 0), gloss=GLOSS, irradiance_samples=64))
-    return Scene(Panorama(image, CAPTURE, np.eye(3)), empty.real, render=RenderSettings(irradiance_samples=64))
+    return Scene(
+        Panorama(image, CAPTURE, np.eye(3)), empty.real, render=RenderSettings(irradiance_samples=64, parameters=FEW)
+    )
 
 
 def plate(scene, position, target):
     camera = Perspective(type="perspective", width=48, height=36, fov=80)
     view = CameraView(camera, position, look_at_rotation(position, target))
-    result, _ = render_plate(view, scene.panorama, prepare_place(scene, parameters=FEW).place)
+    result, _ = render_plate(view, scene.panorama, prepare_place(scene).place)
     y, x = np.mgrid[:36, :48] + 0.5
     across = np.tan(np.radians(40.0))
     local = np.stack([(x / 24 - 1) * across, np.ones_like(x), (1 - y / 18) * across * 0.75], axis=-1)

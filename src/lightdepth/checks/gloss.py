@@ -29,7 +29,7 @@ def gloss_problems(scene: Scene) -> list[Problem]:
         photographed = replace(surfaces, vertices=surfaces.rest)
         return Place(scene.panorama, TracedSurfaces(photographed), suns=scene.lights)
 
-    fitted = fitted_glosses(scene, surfaces, place)
+    fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))
     problems = []
     for surface in shiny:

@@ -24,7 +24,7 @@ from lightdepth.place.reflectance import reflectance
 from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.place.traced_surfaces import RealHit
 from lightdepth.recovery.irradiance import estimate_specular
-from lightdepth.recovery.parameters import DEFAULT
+from lightdepth.parameters.recovery import DEFAULT
 
 SAMPLES, DRAFT_SAMPLES = 64, 16
 """Of each of two techniques in each pixel."""

@@ -13,29 +13,30 @@ from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.highlights import Highlights
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
+from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.place.place import Place
 from lightdepth.preparation import Prepared
 from lightdepth.scene.identity import digest
 from lightdepth.scene.model import Panorama
 
-MOST_SUBPIXELS = 8
 KEPT, LARGEST_KEPT = 2, 1 << 22
 """Plates that a prepared place keeps, and pixels of the largest."""
-MOST_LENS_POINTS = 256
-FEWEST_LENS_POINTS = 64
-"""Powers of two, in which Sobol's sequence is even."""
 
 
 def kept_plate(
-    view: Viewpoint, panorama: Panorama, prepared: Prepared, draft: bool = False
+    view: Viewpoint,
+    panorama: Panorama,
+    prepared: Prepared,
+    draft: bool = False,
+    parameters: FilmParameters = DEFAULT,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """:func:`render_plate`, taken from the prepared place where it keeps it: objects play no part in it."""
     width, height = view.resolution
     if view.same_pixels(panorama.viewpoint) or width * height > LARGEST_KEPT:
-        return render_plate(view, panorama, prepared.place, draft)
-    plates, key = prepared.plates, digest(view, draft)
+        return render_plate(view, panorama, prepared.place, draft, parameters)
+    plates, key = prepared.plates, digest(view, draft, parameters)
     if key not in plates:
-        plates[key] = render_plate(view, panorama, prepared.place, draft)
+        plates[key] = render_plate(view, panorama, prepared.place, draft, parameters)
         while len(plates) > KEPT:
             plates.pop(next(iter(plates)))
     plate, alpha = plates[key]
@@ -43,7 +44,7 @@ def kept_plate(
 
 
 def render_plate(
-    view: Viewpoint, panorama: Panorama, place: Place, draft: bool = False
+    view: Viewpoint, panorama: Panorama, place: Place, draft: bool = False, parameters: FilmParameters = DEFAULT
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Resample the photograph for a camera.
 
@@ -52,6 +53,7 @@ def render_plate(
         panorama: the photograph.
         place: the same with its geometry.
         draft: one point in each pixel will do.
+        parameters: how many points at least and at most.
 
     Returns:
         ``(plate, alpha)``, shapes (height, width, 3) and (height, width), float32: radiance, black outside the
@@ -63,13 +65,14 @@ def render_plate(
     width, height = view.resolution
     if view.same_pixels(panorama.viewpoint):
         return panorama.radiance, np.ones((height, width), np.float32)
-    subpixels = 1 if draft else _subpixels(view, place)
+    subpixels = 1 if draft else _subpixels(view, place, parameters.most_plate_subpixels)
     grid = (np.arange(subpixels) + 0.5) / subpixels
     middle = np.full((subpixels, subpixels), 0.5)
     points = np.stack([*np.meshgrid(grid, grid, indexing="ij"), middle, middle], axis=-1).reshape(-1, 4)
     blurred = view.camera.has_aperture
     if blurred:
-        count = FEWEST_LENS_POINTS if draft else _lens_points(view, place)
+        fewest, most = parameters.fewest_lens_points, parameters.most_lens_points
+        count = fewest if draft else _lens_points(view, place, fewest, most)
         points = Sobol(4, rng=0).random(count)
     highlights = Highlights(place, len(points), draft) if Highlights.move(view, place) else None
     plate = np.empty((height, width, 3), np.float32)
@@ -111,15 +114,15 @@ def _blur(view: Viewpoint, place: Place, middle: CameraRays) -> mi.Float:
     return view.camera.blur(dr.select(hit.valid, depth, dr.inf))
 
 
-def _lens_points(view: Viewpoint, place: Place) -> int:
+def _lens_points(view: Viewpoint, place: Place, fewest: int, most: int) -> int:
     """Points of the lens for each pixel: about one for each pixel of the largest disk that a point is blurred to."""
     x, y = (mi.Float(aligned(grid)) for grid in np.meshgrid(np.linspace(0.05, 0.95, 16), np.linspace(0.05, 0.95, 16)))
     radius = _blur(view, place, view.rays(mi.Point2f(x, y), mi.Point2f(0.5)))
     needed = np.pi * float(np.max(radius.numpy())) ** 2
-    return int(np.clip(2 ** np.ceil(np.log2(max(needed, 1.0))), FEWEST_LENS_POINTS, MOST_LENS_POINTS))
+    return int(np.clip(2 ** np.ceil(np.log2(max(needed, 1.0))), fewest, most))
 
 
-def _subpixels(view: Viewpoint, place: Place) -> int:
+def _subpixels(view: Viewpoint, place: Place, most: int) -> int:
     """Points along each side of a pixel, so that they lie at most one pixel of the panorama apart."""
     _, height = view.resolution
     x = mi.Float(aligned(np.linspace(0.1, 0.9, 9).repeat(9)))
@@ -127,4 +130,4 @@ def _subpixels(view: Viewpoint, place: Place) -> int:
     seen = view.rays(mi.Point2f(x, y), mi.Point2f(0.5))
     beside = view.rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
     angle = float(np.max(dr.norm(seen.ray.d - beside.ray.d).numpy()))
-    return int(np.clip(np.ceil(angle * place.photograph.map.height / np.pi), 2, MOST_SUBPIXELS))
+    return int(np.clip(np.ceil(angle * place.photograph.map.height / np.pi), 2, most))

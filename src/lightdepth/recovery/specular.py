@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.row_bands import bands
+from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.recovery.mesh_components import wind_toward_capture
-from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.meshes.geometry import face_areas, face_normals
 from lightdepth.scene.model import Gloss, Scene
@@ -76,7 +76,7 @@ def fit_glosses(
 
 
 def fitted_glosses(
-    scene: Scene, surfaces: RealSurfaces, place: Callable[[], Place], parameters: RecoveryParameters = DEFAULT
+    scene: Scene, surfaces: RealSurfaces, place: Callable[[], Place], parameters: RecoveryParameters
 ) -> tuple[Gloss, ...]:
     """:func:`fit_glosses`, once for each of the places seen last: checking a scene and preparing it both need them.
 
