@@ -18,13 +18,13 @@ from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import Band
+from lightdepth.parameters.recovery import DEFAULT
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.reflectance import reflectance
 from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.place.traced_surfaces import RealHit
 from lightdepth.recovery.irradiance import estimate_specular
-from lightdepth.parameters.recovery import DEFAULT
 
 SAMPLES, DRAFT_SAMPLES = 64, 16
 """Of each of two techniques in each pixel."""
