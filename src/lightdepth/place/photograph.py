@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from lightdepth.directions import latlong_to_direction as direction_of_latlong
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.place.light_list import LightSample
 from lightdepth.place.map_distribution import MapDistribution, direction_to_latlong, latlong_to_direction
@@ -234,7 +235,7 @@ class Photograph(RealLight):
         for band in bands(self.map.width, self.map.height):
             u, v = (band.column + 0.5) / self.map.width, (band.row + 0.5) / self.map.height
             ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
-            found = self.surfaces.real.ray_intersect_preliminary(ray, coherent=True)
+            found = first_hit(self.surfaces.real, ray, coherent=True)
             depth[band.rows] = dr.select(found.is_valid(), found.t, dr.inf).numpy().reshape(band.shape)
         return mi.Float(depth.reshape(-1))
 

@@ -11,6 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from lightdepth.kernel.arrays import aligned_columns
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.kernel.variables import as_point
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
@@ -55,7 +56,7 @@ def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int3
     distance = np.linalg.norm(offset, axis=1)
     direction = mi.Vector3f(*map(mi.Float, aligned_columns(offset / distance[:, None])))
     ray = mi.Ray3f(as_point(place.capture), direction)
-    free = place.surfaces.real.ray_intersect_preliminary(ray, coherent=False).t.numpy() > 0.999 * distance
+    free = first_hit(place.surfaces.real, ray).t.numpy() > 0.999 * distance
     facing = -np.sign((normal * offset).sum(axis=1)) * face_areas(surfaces.rest, faces) * np.where(free, 1.0, 1e-6)
     count = len(surfaces.vertices)
     _, same_position = np.unique(np.round(surfaces.vertices / 1e-5).astype(np.int64), axis=0, return_inverse=True)
