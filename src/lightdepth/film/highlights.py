@@ -124,7 +124,7 @@ class BandHighlights:
     def add(self, hit: RealHit, seen: CameraRays) -> None:
         """Add what changes at points, one in each pixel."""
         glossy = seen.inside & hit.valid & (hit.gloss > 0) & (hit.kind != int(FaceKind.RELIT))
-        index = dr.compress(glossy)
+        index = mi.UInt32(dr.compress(glossy))
         if not dr.width(index):
             return
         dr.eval(hit)
