@@ -231,3 +231,22 @@ def test_charts_meet_without_a_seam(denoised, camera):
     assert left(denoise(noisy)) < 0.05 * left(noisy)
     height, width = noisy.coverage.shape
     assert left(denoise(replace(noisy, topology=Flat(width, height)))) > 0.1 * left(noisy)
+
+
+def test_precise_pixels_are_left_as_they_are(denoised):
+    """No pixel changes by more than three of its standard errors, a firefly by six: more samples lead to the truth."""
+    frame = panorama_frame()
+    frame.variance = np.full(frame.plate.shape, 1e-4, np.float32)
+    frame.change = np.maximum(frame.change, -frame.plate)  # More than there is cannot be taken away.
+    result = denoise(frame)
+    for layer in ("change", "synthetic"):
+        change = np.abs(getattr(result, layer) - getattr(frame, layer))
+        assert 0.02 < change.max() <= 0.01 * (3.0 + 8.0**0.5) + 1e-3
+        assert np.quantile(change, 0.99) <= 0.0301
+
+
+def test_single_samples_are_denoised(denoised):
+    """Their variance is not known, and stored as none: that is not to be taken for precision."""
+    frame = panorama_frame()
+    frame.variance, frame.samples = np.zeros(frame.plate.shape, np.float32), np.ones(frame.coverage.shape, np.uint32)
+    np.testing.assert_array_equal(denoise(frame).change, denoised.change)

@@ -14,6 +14,7 @@ from scipy.ndimage import distance_transform_edt
 
 from lightdepth.cameras.topology import Rectangle, Topology, Window
 from lightdepth.film.frame import Frame
+from lightdepth.film.outliers import settle
 from lightdepth.images.tonemapping import MIDDLE_GREY
 from lightdepth.packages import optional_package
 
@@ -37,6 +38,10 @@ RAMP = 8
 """Pixels over which the network's result goes over into the blurred one."""
 MINOR = 0.25
 """Largest share of a change that is so small a part of it that the fast network denoises it as well."""
+MOST_ERRORS = 3.0
+"""Standard errors by which the network may change a pixel: it blurs edges that the samples show sharply."""
+FEWEST = 4
+"""Samples of a pixel from which on their spread is an estimate of its error."""
 DARK = 0.02
 """Share of the photograph's median that is added where the change is divided by the photograph."""
 
@@ -191,8 +196,12 @@ def _boxes(tiles: NDArray[np.bool_], endless: bool) -> list[Rectangle]:
 def _denoised_synthetic(network: _Network, frame: Frame, window: Window, scale: float) -> NDArray[np.float32]:
     """The synthetic radiance in a window's rectangle, denoised."""
     covered = window.cut(frame.coverage)[:, :, None]
-    noisy = _extended(window.cut(frame.synthetic), covered)
-    clean = (network(noisy, scale) * covered)[window.inner]
+    rim = _Rim.of(covered)
+    network.extend(rim)
+    error = _error(frame, window) / np.maximum(covered, np.float32(1e-6))
+    settled = settle(rim.extended(window.cut(frame.synthetic)), error.mean(axis=2), covered[:, :, 0], scale)
+    clean = _consistent(network(settled.plain, scale), settled.plain, error) + settled.glints
+    clean = (clean * covered)[window.inner]
     return np.where(_touched(frame.synthetic[window.rectangle.slices]), clean, np.float32(0.0))
 
 
@@ -201,14 +210,24 @@ def _denoised_change(
 ) -> NDArray[np.float32]:
     """The change in a window's rectangle, denoised; ``floor`` is radiance that is added to the photograph."""
     coverage, plate = window.cut(frame.coverage), frame.plate[window.rectangle.slices]
-    if "albedo" in network.guides:  # Without the photograph's texture there is none for it to explain.
-        network.guides["albedo"][coverage == 0.0] = 1.0
     uncovered = np.float32(1.0) - coverage[:, :, None]
-    relative = _extended(window.cut(frame.change), uncovered) / (window.cut(frame.plate) + floor)
-    signs = [np.maximum(part, np.float32(0.0)) for part in (relative, -relative)]
+    rim = _Rim.of(uncovered)
+    network.extend(rim)
+    if "albedo" in network.guides:  # Without the photograph's texture there is none for it to explain.
+        network.guides["albedo"][:] = 1.0
+    relative = rim.extended(window.cut(frame.change)) / (window.cut(frame.plate) + floor)
+    error = _error(frame, window) / (np.maximum(uncovered, np.float32(1e-6)) * (window.cut(frame.plate) + floor))
     most = np.abs(relative).sum(dtype=np.float64)
-    added, taken = (network(part, scale, part.sum(dtype=np.float64) < MINOR * most)[window.inner] for part in signs)
-    clean = (added - taken) * (plate + floor)
+    # Fireflies stand out of what is left of the photograph's light: in a shadow of little, be the change negative there.
+    left = np.maximum(relative + np.float32(1.0), np.float32(0.0))
+    settled = settle(left, error.mean(axis=2), uncovered[:, :, 0], min(scale, 1.0))
+    relative = relative + (settled.plain - left)
+    added, taken = (
+        network(part, scale, part.sum(dtype=np.float64) < MINOR * most)
+        for part in (np.maximum(relative, np.float32(0.0)), np.maximum(-relative, np.float32(0.0)))
+    )
+    clean = _consistent(added - taken, relative, error) + settled.glints
+    clean = clean[window.inner] * (plate + floor)
     # At narrow contact shadows the network overshoots; no more can be taken away than was there.
     clean = np.maximum(clean, np.minimum(-plate, 0.0)) * uncovered[window.inner]
     return np.where(_touched(frame.change[window.rectangle.slices]), clean, np.float32(0.0))
@@ -233,20 +252,60 @@ def _changeable(layer: NDArray[np.float32]) -> NDArray[np.uint8]:
     return np.asarray(cv2.morphologyEx(layer.any(axis=2).astype(np.uint8), cv2.MORPH_CLOSE, square))
 
 
-def _extended(layer: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
-    """A layer as if it filled every pixel: divided by its share, and gone on where that is small.
+def _error(frame: Frame, window: Window) -> NDArray[np.float32]:
+    """Standard error of the finished pixels in a window, shape (height, width, 3); infinite where it is not known."""
+    if frame.variance is None:
+        return np.full((*window.cut(frame.coverage).shape, 3), np.inf, np.float32)
+    # That of a single pixel from few samples is unreliable, and may be nothing at all.
+    variance = np.maximum(window.cut(frame.variance), np.float32(0.0))
+    error = np.sqrt(np.maximum(variance, cv2.blur(variance, (3, 3))))
+    if frame.samples is not None:  # A draft's single sample does not tell it.
+        samples = window.cut(frame.samples)
+        error[(samples > 0) & (samples < FEWEST)] = np.inf
+    return error
 
-    Args:
-        layer: shape (height, width, 3).
+
+def _consistent(
+    clean: NDArray[np.float32], noisy: NDArray[np.floating], error: NDArray[np.floating]
+) -> NDArray[np.float32]:
+    """What the filter gave, held to what the samples allow: the more there are, the less may be changed."""
+    return noisy + np.clip(clean - noisy, -MOST_ERRORS * error, MOST_ERRORS * error)
+
+
+@dataclass(frozen=True)
+class _Rim:
+    """How a layer that fills only a share of the pixels goes on where that is small.
+
+    Attributes:
         share: of each pixel that the layer fills, shape (height, width, 1).
+        reliable: where the layer itself is known well, shape (height, width).
+        nearest: row and column of the nearest such pixel, each shape (height, width).
     """
-    around = cv2.dilate(share[:, :, 0], np.ones((5, 5), np.uint8))
-    reliable = (share[:, :, 0] > 0.0) & (share[:, :, 0] >= 0.5 * around)
-    row, column = distance_transform_edt(~reliable, return_distances=False, return_indices=True)
-    # Beyond the rim goes the mean around the rim's pixels: a single one's noise would be drawn out into a streak.
-    mean = cv2.blur(layer, (9, 9)) / np.maximum(cv2.blur(share[:, :, 0], (9, 9)), np.float32(1e-6))[:, :, None]
-    own = layer / np.maximum(share, np.float32(1e-6))
-    return np.where(reliable[:, :, None], own, mean[row, column])
+
+    share: NDArray[np.float32]
+    reliable: NDArray[np.bool_]
+    nearest: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, share: NDArray[np.float32]) -> _Rim:
+        """The rim of a layer with this share."""
+        around = cv2.dilate(share[:, :, 0], np.ones((5, 5), np.uint8))
+        reliable = (share[:, :, 0] > 0.0) & (share[:, :, 0] >= 0.5 * around)
+        return cls(share, reliable, distance_transform_edt(~reliable, return_distances=False, return_indices=True))
+
+    def extended(self, layer: NDArray[np.float32]) -> NDArray[np.float32]:
+        """A layer, shape (height, width, 3), as if it filled every pixel: divided by its share, and gone on."""
+        # Beyond the rim goes the mean around the rim's pixels: a single one's noise would be drawn out into a streak.
+        mean = cv2.blur(layer, (9, 9)) / np.maximum(cv2.blur(self.share[:, :, 0], (9, 9)), np.float32(1e-6))[:, :, None]
+        own = layer / np.maximum(self.share, np.float32(1e-6))
+        row, column = self.nearest
+        return np.where(self.reliable[:, :, None], own, mean[row, column])
+
+    def guide(self, guide: NDArray[np.float32]) -> NDArray[np.float32]:
+        """A guide, shape (height, width, 3), gone on from pixels that show this layer alone."""
+        alone = self.share[:, :, 0] >= min(0.99, float(self.share.max()))
+        row, column = distance_transform_edt(~alone, return_distances=False, return_indices=True)
+        return np.ascontiguousarray(guide[row, column])
 
 
 def _touched(layer: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -283,6 +342,11 @@ class _Network:
         guides = {"albedo": frame.albedo, "normal": frame.normal}
         cut = {name: window.cut(guide) for name, guide in guides.items() if guide is not None}
         return cls(oidn, {name: guide.astype(np.float32, order="C") for name, guide in cut.items()})
+
+    def extend(self, rim: _Rim) -> None:
+        """Let the guides go on beyond a layer's rim as the layer does: an edge in them would be one in the result."""
+        for name, guide in self.guides.items():
+            self.guides[name] = rim.guide(guide)
 
     def __call__(self, noisy: NDArray[np.float32], scale: float, fast: bool = False) -> NDArray[np.float32]:
         if not noisy.any():
