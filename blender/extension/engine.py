@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import cameras, evaluation, exr, passes
+from . import cameras, evaluation, exr, meshfolder, passes
 from .asking import renderer_command
 from .export import Exported, ExportError, export_scene, options
 from .process import RendererError
@@ -64,7 +64,8 @@ class LightdepthEngine(bpy.types.RenderEngine):
             raise ExportError("Stereoscopy is not carried: switch it off in the output properties")
         command = renderer_command()
         self.update_stats("", "Exporting the scene")
-        exported = export_scene(depsgraph, folder / "scene.toml", every_camera=False)
+        files = meshfolder.of_session()
+        exported = export_scene(depsgraph, files.path.with_name("scene.toml"), files, every_camera=False)
         if exported.camera is None:
             raise ExportError("The scene has no active camera")
         original = depsgraph.scene  # whose settings only the main thread may change

@@ -1,14 +1,13 @@
 """The scene as Blender renders it, written as a scene file and its meshes: for F12 and for the command line alike."""
 
-import hashlib
 import itertools
 import math
 import os
-import re
 import shlex
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from mathutils import Matrix
 
 from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, suns, toml
 from .evaluation import EvaluationError, unexpected, with_render_depsgraph
+from .meshfolder import Made, MeshFolder, digest_of
 from .picking import capture_pose
 from .properties import show_lines
 
@@ -32,8 +32,6 @@ MERGED_FROM = 32
 """Instances of one object by one instancer, from which on they are one mesh with one object number."""
 MERGED_TRIANGLES = 20_000_000
 """Most triangles of such a mesh; more instances than that stay apart and share a file."""
-LONGEST_NAME = 60
-"""Letters of an object's name in the name of its file."""
 _RAYS = {
     "visible_camera": "camera",
     "visible_diffuse": "diffuse",
@@ -84,6 +82,11 @@ class _Look:
     slots: list[str]
     surfaces: list[materials.Surface]
 
+    @cached_property
+    def digest(self) -> bytes:
+        """Of all that its file is made of."""
+        return digest_of(self.triangles, self.slots, self.surfaces)
+
     def bounds(self, place: np.ndarray) -> np.ndarray:
         """Smallest and largest coordinates of its vertices at a place, shape (2, 3)."""
         points = self.triangles.positions @ place[:3, :3].T + place[:3, 3]
@@ -96,25 +99,20 @@ class _Writer:
 
     depsgraph: bpy.types.Depsgraph
     folder: Path
-    mesh_folder: Path
+    files: MeshFolder
     origin: np.ndarray
     real: list[dict[str, Any]] = field(default_factory=list)
     synthetic: list[dict[str, Any]] = field(default_factory=list)
     pass_indices: list[int] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
-    files: set[str] = field(default_factory=set)
     looks: dict[tuple, _Look | None] = field(default_factory=dict)
     groups: dict[tuple, _Group] = field(default_factory=dict)
     surfaces: dict[int, materials.Surface] = field(default_factory=dict)
-    contents: dict[bytes, str] = field(default_factory=dict)
     written: dict[tuple, str] = field(default_factory=dict)
     bounds: list[np.ndarray] = field(default_factory=list)
     seen: set[int] = field(default_factory=set)
     counts: defaultdict[str, int] = field(default_factory=lambda: defaultdict(int))
-
-    def __post_init__(self) -> None:
-        self.images = images.ImageFolder(self.mesh_folder)
 
     def note(self, *sentences: str) -> None:
         self.notes |= dict.fromkeys(sentences)
@@ -127,17 +125,6 @@ class _Writer:
             candidate = f"{name} {self.counts[name]}"
         self.names.add(candidate)
         return candidate
-
-    def new_file(self, name: str, suffix: str) -> Path:
-        """A file that no other object has, also where letters' case does not count."""
-        self.mesh_folder.mkdir(parents=True, exist_ok=True)
-        plain = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII)[:LONGEST_NAME] or "mesh"
-        candidate = f"{plain}{suffix}"
-        while candidate.lower() in self.files:
-            self.counts[candidate.lower()] += 1
-            candidate = f"{plain}_{self.counts[f'{plain}{suffix}'.lower()]}{suffix}"
-        self.files.add(candidate.lower())
-        return self.mesh_folder / candidate
 
     def relative(self, path: Path) -> str:
         return Path(os.path.relpath(path, self.folder)).as_posix()
@@ -211,8 +198,9 @@ class _Writer:
             if mesh is None or not mesh.polygons:
                 return
             name = self.unique(item.name)
-            path = self.new_file(name, ".ply")
-            self.bounds.append(meshes.write_real(path, mesh, to_world, self.origin))
+            data, bounds = meshes.real_data(mesh, to_world, self.origin)
+            path = self.files.path / self.files.write(name, ".ply", data)
+            self.bounds.append(bounds)
         finally:
             item.to_mesh_clear()
         settings = item.lightdepth
@@ -304,7 +292,7 @@ class _Writer:
     def _write_group(self, group: _Group, look: _Look, places: list[np.ndarray]) -> None:
         count = len(look.triangles.vertices) * len(places)
         if group.instanced and len(places) >= MERGED_FROM and count <= MERGED_TRIANGLES:
-            file = self._write(replace(look, triangles=meshes.repeated(look.triangles, np.array(places))))
+            file = self._write(look, np.array(places))
             tables = [{"name": self.unique(group.name), "mesh": file}] if file else []
             self._append_tables(tables, group.pass_index)
             return
@@ -315,28 +303,36 @@ class _Writer:
                     self.written[group.key] = self._write(look)
                 file = self.written[group.key]
             else:
-                file = self._write(replace(look, triangles=look.triangles.transformed(place)))
+                file = self._write(look, place[None])
             if file:
                 table = {"name": self.unique(group.name), "mesh": file, **(placement or {})}
                 self._append_tables([table], group.pass_index)
 
-    def _write(self, look: _Look) -> str:
-        """Write a mesh file, or find the one with the same content; returns its relative path, empty without faces."""
-        writer = gltf.Writer(self.images)
-        last = len(look.surfaces) - 1
-        slots = np.clip(look.triangles.slots, 0, last)
+    def _write(self, look: _Look, places: np.ndarray | None = None) -> str:
+        """Write a mesh file, or find the one with the same content; returns its relative path, empty without faces.
+
+        Args:
+            look: the mesh.
+            places: where it stands, shape (k, 4, 4); ``None`` for as it is.
+        """
+        key = look.digest if places is None else digest_of(look.digest, places)
+        made = self.files.found(key)
+        if made is None:
+            made = self._made(look, look.triangles if places is None else meshes.repeated(look.triangles, places))
+            self.files.keep(key, made)
+        self.note(*made.notes)
+        return self.relative(self.files.path / made.files[0]) if made.files else ""
+
+    def _made(self, look: _Look, triangles: meshes.Triangles) -> Made:
+        folder = images.ImageFolder(self.files)
+        writer = gltf.Writer(folder)
+        slots = np.clip(triangles.slots, 0, len(look.surfaces) - 1)
         for slot, (surface, name) in enumerate(zip(look.surfaces, look.slots, strict=True)):
-            writer.add(look.triangles, np.nonzero(slots == slot)[0], surface, name)
-        self.note(*writer.notes)
+            writer.add(triangles, np.nonzero(slots == slot)[0], surface, name)
         if writer.is_empty:
-            return ""
-        data = writer.data()
-        digest = hashlib.blake2b(data, digest_size=16).digest()
-        if digest not in self.contents:
-            path = self.new_file(look.name, ".glb")
-            path.write_bytes(data)
-            self.contents[digest] = self.relative(path)
-        return self.contents[digest]
+            return Made((), tuple(writer.notes))
+        file = self.files.write(look.name, ".glb", writer.data())
+        return Made((file, *folder.names), tuple(writer.notes))
 
 
 def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
@@ -380,7 +376,7 @@ def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
     settings = scene.lightdepth
     capture = capture_pose(settings)
     return {
-        "image": writer.relative(panorama.file_of(settings.image, writer.mesh_folder)),
+        "image": writer.relative(panorama.file_of(settings.image, writer.files)),
         "position": list(writer.local(capture).translation),
         "rotation": [math.degrees(angle) for angle in capture.to_euler("XYZ")],
         "scale": settings.scale,
@@ -447,12 +443,15 @@ def _origin(scene) -> np.ndarray:
     return np.round(np.array(capture_pose(scene.lightdepth).translation) / FAR) * FAR + 0.0
 
 
-def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool = True) -> Exported:
+def export_scene(
+    depsgraph: bpy.types.Depsgraph, path: Path, folder: MeshFolder | None = None, every_camera: bool = True
+) -> Exported:
     """Write the scene of a depsgraph that was made for rendering. Nothing of Blender's data is changed.
 
     Args:
         depsgraph: the evaluated scene.
-        path: the scene file to write; meshes go into a folder beside it.
+        path: the scene file to write.
+        folder: where meshes and images go; by default beside the scene file.
         every_camera: write all cameras that can be carried, not the active one alone.
 
     Raises:
@@ -461,7 +460,9 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool 
     """
     scene = depsgraph.scene_eval
     require_panorama(scene)
-    writer = _Writer(depsgraph, path.parent, path.with_name(f"{path.stem}_meshes"), _origin(scene))
+    folder = folder or MeshFolder(path.with_name(f"{path.stem}_meshes"))
+    folder.begin()
+    writer = _Writer(depsgraph, path.parent, folder, _origin(scene))
     document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
     try:
         for item, to_world, by_instancing, instancer in _instances(depsgraph):

@@ -12,6 +12,8 @@ from typing import ClassVar
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
+from .meshfolder import MeshFolder
+
 REST = "rest"
 """Name of the vertex attribute with environment texture coordinates: positions in the world, metres."""
 CAPTURE_NAME = "Capture point"
@@ -25,7 +27,7 @@ PROJECTION = "lightdepth projection"
 EYE_HEIGHT = 1.6
 
 
-def file_of(image: bpy.types.Image, folder: Path) -> Path:
+def file_of(image: bpy.types.Image, folder: MeshFolder) -> Path:
     """The panorama's file; one that is packed into the .blend is written into a folder first.
 
     Raises:
@@ -34,9 +36,7 @@ def file_of(image: bpy.types.Image, folder: Path) -> Path:
     """
     path = Path(bpy.path.abspath(image.filepath, library=image.library))
     if image.packed_file is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / (path.name or "panorama.exr")
-        path.write_bytes(image.packed_file.data)
+        path = folder.path / folder.write(path.stem or "panorama", path.suffix or ".exr", image.packed_file.data)
     elif not path.is_file():
         raise FileNotFoundError(f"The panorama's file is gone: {path}")
     return path
