@@ -45,6 +45,34 @@ class ExportError(Exception):
     """Something without which there is no scene to render."""
 
 
+@dataclass(frozen=True)
+class Source:
+    """The object of Blender that one of the scene file comes from.
+
+    Attributes:
+        name: of the object.
+        asset: name of the outermost of its parents, or its own.
+        pass_index: of the object.
+    """
+
+    name: str
+    asset: str
+    pass_index: int
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A synthetic object of the scene file.
+
+    Attributes:
+        name: in the scene file.
+        source: what it is in Blender.
+    """
+
+    name: str
+    source: Source
+
+
 @dataclass
 class Exported:
     """A scene that was written.
@@ -53,23 +81,22 @@ class Exported:
         path: the scene file.
         camera: name of the active camera in it, or ``None`` where there is none.
         notes: what could not be carried, one sentence each.
-        pass_indices: of each object of the file, as Blender has them, in the file's order.
+        objects: the file's synthetic objects, in its order.
     """
 
     path: Path
     camera: str | None
     notes: list[str]
-    pass_indices: list[int]
+    objects: list[Carried]
 
 
 @dataclass
 class _Group:
     """Places where one mesh with the same materials stands, each as its own object or all made by one instancer."""
 
-    name: str
+    source: Source
     key: tuple
     instanced: bool
-    pass_index: int
     places: list[np.ndarray] = field(default_factory=list)
 
 
@@ -103,7 +130,7 @@ class _Writer:
     origin: np.ndarray
     real: list[dict[str, Any]] = field(default_factory=list)
     synthetic: list[dict[str, Any]] = field(default_factory=list)
-    pass_indices: list[int] = field(default_factory=list)
+    objects: list[Carried] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
     looks: dict[tuple, _Look | None] = field(default_factory=dict)
@@ -161,12 +188,12 @@ class _Writer:
             place = np.array(to_world.translation) + self.origin
             if cameras.sees(camera.evaluated_get(self.depsgraph), self.depsgraph.scene_eval, place):
                 said.append(f"Light '{item.name}': the camera sees it shine; in Cycles it is not seen by cameras")
-        self._append_tables(tables, item.pass_index)
+        self._append_tables(tables, _source(item))
         self.note(*said)
 
-    def _append_tables(self, tables: list[dict[str, Any]], pass_index: int) -> None:
+    def _append_tables(self, tables: list[dict[str, Any]], source: Source) -> None:
         self.synthetic += tables
-        self.pass_indices += [pass_index] * len(tables)
+        self.objects += [Carried(table["name"], source) for table in tables]
 
     def _note_light_linking(self, item) -> None:
         linking = getattr(item, "light_linking", None)
@@ -224,7 +251,7 @@ class _Writer:
         # What an instancer makes is gathered; objects stay by themselves.
         place = (key, item.name, instancer) if by_instancing else (key, item.name, "", len(self.groups))
         if place not in self.groups:
-            self.groups[place] = _Group(item.name, key, by_instancing, item.pass_index)
+            self.groups[place] = _Group(_source(item), key, by_instancing)
         matrix = np.array(to_world, np.float64)
         matrix[:3, 3] -= self.origin
         self.groups[place].places.append(matrix)
@@ -266,7 +293,7 @@ class _Writer:
             outside = closed & ((bounds[:, 1] < low) | (bounds[:, 0] > high)).any(axis=1)
             if outside.any():
                 count = f"{outside.sum()} of its instances are" if outside.sum() < len(outside) else "is"
-                self.note(f"Object '{group.name}': {count} outside the place and left out")
+                self.note(f"Object '{group.source.name}': {count} outside the place and left out")
             places = [place for place, out in zip(group.places, outside, strict=True) if not out]
             self._note_clipping(group, look, bounds[~outside])
             if places:
@@ -284,17 +311,17 @@ class _Writer:
             for place in (group.places[i] for i in np.nonzero(nearest < camera.data.clip_start)[0]):
                 points = look.triangles.positions @ place[:3, :3].T + place[:3, 3] - eye
                 if (np.linalg.norm(points, axis=1) < camera.data.clip_start).any():
-                    self.note(f"Camera '{camera.name}': its clip start does not cut object '{group.name}'")
+                    self.note(f"Camera '{camera.name}': its clip start does not cut object '{group.source.name}'")
                     break
         if (nearest > camera.data.clip_end).any():
-            self.note(f"Camera '{camera.name}': its clip end does not cut object '{group.name}'")
+            self.note(f"Camera '{camera.name}': its clip end does not cut object '{group.source.name}'")
 
     def _write_group(self, group: _Group, look: _Look, places: list[np.ndarray]) -> None:
         count = len(look.triangles.vertices) * len(places)
         if group.instanced and len(places) >= MERGED_FROM and count <= MERGED_TRIANGLES:
             file = self._write(look, np.array(places))
-            tables = [{"name": self.unique(group.name), "mesh": file}] if file else []
-            self._append_tables(tables, group.pass_index)
+            tables = [{"name": self.unique(group.source.name), "mesh": file}] if file else []
+            self._append_tables(tables, group.source)
             return
         for place in places:
             placement = _placement(Matrix(place.tolist()))
@@ -305,8 +332,8 @@ class _Writer:
             else:
                 file = self._write(look, place[None])
             if file:
-                table = {"name": self.unique(group.name), "mesh": file, **(placement or {})}
-                self._append_tables([table], group.pass_index)
+                table = {"name": self.unique(group.source.name), "mesh": file, **(placement or {})}
+                self._append_tables([table], group.source)
 
     def _write(self, look: _Look, places: np.ndarray | None = None) -> str:
         """Write a mesh file, or find the one with the same content; returns its relative path, empty without faces.
@@ -333,6 +360,13 @@ class _Writer:
             return Made((), tuple(writer.notes))
         file = self.files.write(look.name, ".glb", writer.data())
         return Made((file, *folder.names), tuple(writer.notes))
+
+
+def _source(item) -> Source:
+    outermost = item
+    while outermost.parent is not None:
+        outermost = outermost.parent
+    return Source(item.name, outermost.name, item.pass_index)
 
 
 def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
@@ -384,7 +418,7 @@ def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
     }
 
 
-def _camera_tables(scene, writer: _Writer, every_camera: bool) -> dict[str, Any]:
+def _camera_tables(scene, writer: _Writer, every_camera: bool, eye: cameras.Eye | None) -> dict[str, Any]:
     """All cameras that can be carried, or the active one alone; that one must be."""
     tables = {}
     for item in scene.objects:
@@ -393,7 +427,7 @@ def _camera_tables(scene, writer: _Writer, every_camera: bool) -> dict[str, Any]
             continue
         evaluated = item.evaluated_get(writer.depsgraph)
         try:
-            table, said = cameras.camera_table(evaluated, scene)
+            table, said = cameras.camera_table(evaluated, scene, eye if active else None)
             if "position" in table:
                 table["position"] = [float(a - b) for a, b in zip(table["position"], writer.origin, strict=True)]
             tables[item.name] = table
@@ -444,7 +478,11 @@ def _origin(scene) -> np.ndarray:
 
 
 def export_scene(
-    depsgraph: bpy.types.Depsgraph, path: Path, folder: MeshFolder | None = None, every_camera: bool = True
+    depsgraph: bpy.types.Depsgraph,
+    path: Path,
+    folder: MeshFolder | None = None,
+    every_camera: bool = True,
+    eye: cameras.Eye | None = None,
 ) -> Exported:
     """Write the scene of a depsgraph that was made for rendering. Nothing of Blender's data is changed.
 
@@ -453,6 +491,7 @@ def export_scene(
         path: the scene file to write.
         folder: where meshes and images go; by default beside the scene file.
         every_camera: write all cameras that can be carried, not the active one alone.
+        eye: of the active camera, where it is one of several.
 
     Raises:
         ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
@@ -476,7 +515,10 @@ def export_scene(
         graph.forget_pictures()
     if scene.render.use_motion_blur:
         writer.note("Motion blur is not carried")
-    tables = _camera_tables(scene, writer, every_camera)
+    layer = depsgraph.view_layer_eval
+    if layer.use_pass_cryptomatte_material:
+        writer.note(f"View layer '{layer.name}': Cryptomatte has objects and assets; materials are not carried")
+    tables = _camera_tables(scene, writer, every_camera, eye)
     light_tables, said = scene_lights(depsgraph, writer.folder, writer.origin)
     writer.note(*said)
     document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
@@ -488,7 +530,7 @@ def export_scene(
     temporary.write_text(head + toml.dumps(document), encoding="utf-8")
     os.replace(temporary, path)
     active = scene.camera.name if scene.camera is not None and scene.camera.name in tables else None
-    return Exported(path, active, list(writer.notes), writer.pass_indices)
+    return Exported(path, active, list(writer.notes), writer.objects)
 
 
 def options(settings) -> dict[str, Any]:

@@ -84,7 +84,6 @@ def test_a_renderer_that_fails_is_told_in_its_own_words(animated):
         assert "not there" in found[name]
         assert "preferences" in found[name]
     assert "garbage.txt" in found["no program"]
-    assert "Stereoscopy" in found["stereoscopy"]
     for said in found["stranger"]:
         assert "I am a calculator" in said
     assert len(found["hanging"]) == 3
