@@ -15,7 +15,7 @@ from lightdepth.files import exists
 from lightdepth.images.writing import whole_file
 from lightdepth.reconstruction.posed_panorama import PosedPanorama
 from lightdepth.scene.model import RealSurface, Role
-from lightdepth.toml_file import document_bytes, read_document
+from lightdepth.toml_file import document_bytes, first_panorama, read_document
 
 
 def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> None:
@@ -66,7 +66,8 @@ def with_surfaces(
     if not isinstance(tables, AoT):
         raise InputError(f"{scene}: 'real' must be an array of tables, each under its own [[real]]")
     if sky:
-        document.setdefault("panorama", tomlkit.table())["sky"] = True
+        document.setdefault("panorama", tomlkit.table())
+        first_panorama(document)["sky"] = True
     for surface in surfaces:
         table = next((table for table in tables if table.get("name") == surface.name), None)
         if table is None:

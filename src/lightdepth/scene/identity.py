@@ -35,14 +35,14 @@ def scene_digest(scene: Scene) -> str:
 
 def _scene_digest(scene: Scene) -> str:
     settings = replace(scene.render, samples=RenderSettings.samples, noise=None, seed=0)
-    panorama = replace(scene.panorama, path=None, repairs=(), notes=())  # Messages name files.
+    panoramas = [replace(panorama, path=None, repairs=(), notes=()) for panorama in scene.panoramas]  # They name files.
     seed = scene.render.seed  # The preparation's; a rendering may have a seed of its own.
-    return digest(panorama, scene.real, scene.lights, scene.synthetic, settings, seed)
+    return digest(panoramas, scene.real, scene.lights, scene.synthetic, settings, seed)
 
 
 def place_digest(scene: Scene) -> str:
-    """Digest of what belongs to the photographed place: panorama, real surfaces and lights, but no object or setting."""
-    return digest(replace(scene.panorama, path=None, repairs=()), scene.real, scene.lights)
+    """Digest of what belongs to the photographed place: panoramas, real surfaces and lights, but no object or setting."""
+    return digest([replace(each, path=None, repairs=()) for each in scene.panoramas], scene.real, scene.lights)
 
 
 def view_digest(view: CameraView) -> str:
