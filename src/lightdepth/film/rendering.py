@@ -129,7 +129,7 @@ class Rendering:
         self.share = share
         self._width, self._height = view.resolution
         with DEVICE_LOCK:
-            self.plate, self.alpha = kept_plate(view, scene.panorama, prepared, draft=scene.render.draft)
+            self.plate, self.alpha = kept_plate(view, scene.panoramas, prepared, draft=scene.render.draft)
             self.pixels = influenced_pixels(view, prepared)
             plate = self.plate.reshape(-1, 3)
             light_tracer = prepared.integrator.light_tracer

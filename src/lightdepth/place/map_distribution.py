@@ -52,9 +52,15 @@ class MapDistribution:
     Args:
         radiance: linear RGB, shape (height, 2 height, 3), float32, finite and not negative.
         alone: whether nothing but light sampling finds the light, so that all of it must be sampled.
+        importance: factor on the density of each pixel, shape (height, 2 height), not negative; ``None`` is 1.
+
+    Attributes:
+        power: luminance times solid angle that is sampled, with its importance.
     """
 
-    def __init__(self, radiance: NDArray[np.float32], alone: bool = False) -> None:
+    def __init__(
+        self, radiance: NDArray[np.float32], alone: bool = False, importance: NDArray[np.float32] | None = None
+    ) -> None:
         self.height, self.width = radiance.shape[:2]
         texels = aligned_empty((self.height, self.width, 4))
         texels[..., :3] = radiance
@@ -70,6 +76,10 @@ class MapDistribution:
             weights -= mean
             np.maximum(weights, 0.0, out=weights)
             total = standing_out
+        if importance is not None:
+            weights *= importance
+            total = float(weights.sum(axis=1, dtype=np.float64) @ solid_angles)
+        self.power = total
         weights *= solid_angles.astype(np.float32)[:, None]
         if total > 0.0:
             weights /= np.float32(total / (self.width * self.height))
