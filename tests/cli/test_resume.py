@@ -17,8 +17,8 @@ SMALL_PASSES = """
 from lightdepth.kernel.start import start
 start()
 from lightdepth.cli.app import main
-from lightdepth.film import light_image, rendering, schedule
-schedule.PATHS, rendering.LIGHTS_SERVE, light_image.AT_ONCE = 1 << 12, 1 << 15, 1 << 11
+from lightdepth.film import light_image, sampling, schedule
+schedule.PATHS, sampling.LIGHTS_SERVE, light_image.AT_ONCE = 1 << 12, 1 << 15, 1 << 11
 main()
 """
 """The command line with passes so small that a small picture has many."""

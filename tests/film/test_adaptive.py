@@ -15,6 +15,7 @@ start("cpu")
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.film import schedule  # noqa: E402
+from lightdepth.film.pixel_list import PixelList  # noqa: E402
 from lightdepth.film.schedule import PILOT_SAMPLES  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
@@ -60,7 +61,7 @@ def test_a_pixels_own_luck_does_not_decide_how_many_samples_it_gets(scene):
     lucky = len(rendering.pixels) // 2
     error = np.zeros(len(rendering.pixels), np.float32)
     error[lucky] = 1.0
-    around = rendering._around(error)
+    around = PixelList(scene.cameras["view"], rendering.pixels).around(error)
     assert around[lucky] == 0.0
     assert np.count_nonzero(around) >= 8
 

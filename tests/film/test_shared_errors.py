@@ -12,7 +12,7 @@ start("cpu")
 
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.cameras import Perspective  # noqa: E402
-from lightdepth.film import rendering as rendering_module  # noqa: E402
+from lightdepth.film import sampling  # noqa: E402
 from lightdepth.film.shared_errors import CacheUse, ListUse, difference_error  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
@@ -34,9 +34,9 @@ def test_the_estimate_is_what_is_seen_over_seeds(scene, monkeypatch):
     Means of tiles have a quarter of the pixels' own errors and all of the common one, which varies slowly over the
     picture.
     """
-    monkeypatch.setattr(rendering_module, "LIGHTS", 512)
-    monkeypatch.setattr(rendering_module, "LIGHTS_SERVE", 1 << 40)
-    monkeypatch.setattr(rendering_module, "FIRST_SHARE", 4.0)
+    monkeypatch.setattr(sampling, "LIGHTS", 512)
+    monkeypatch.setattr(sampling, "LIGHTS_SERVE", 1 << 40)
+    monkeypatch.setattr(sampling, "FIRST_SHARE", 4.0)
     pictures, own, common = [], [], []
     for seed in range(SEEDS):
         rendering = begin_rendering(scene, "view", seed=seed)
@@ -46,8 +46,8 @@ def test_the_estimate_is_what_is_seen_over_seeds(scene, monkeypatch):
         light_list, cache = (float(frame.metadata[name]) for name in ("light_list_error", "cache_error"))
         assert light_list > 0.0
         common.append(light_list**2 + cache**2)
-        own.append(np.mean(np.square(rendering._own_errors())))
-        irradiance = rendering._shared_variance()[0]
+        own.append(np.mean(np.square(rendering.errors.own())))
+        irradiance = rendering.errors.shared_variance()[0]
         expected = math.sqrt(own[-1] + common[-1] + float(np.mean(irradiance)))
         assert float(frame.metadata["error"]) == pytest.approx(expected, rel=0.02)
     tiles = (
@@ -63,8 +63,8 @@ def test_what_is_in_common_counts_for_a_wanted_noise(scene, monkeypatch):
     spent = []
     for irradiance in (0.0, 0.02):
         rendering = begin_rendering(scene, "view", seed=1)
-        report = replace(rendering._prepared.irradiance, mean_error=irradiance)
-        rendering._prepared = replace(rendering._prepared, irradiance=report)
+        report = replace(rendering.errors._prepared.irradiance, mean_error=irradiance)
+        rendering.errors._prepared = replace(rendering.errors._prepared, irradiance=report)
         list(rendering.run(4096, 0.02))
         spent.append(rendering.frame(auxiliary=False).samples)
     changed = np.abs(rendering.frame(auxiliary=False).change).mean(axis=2) > 0.02

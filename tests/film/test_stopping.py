@@ -13,8 +13,7 @@ start("cpu")
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.errors import InputError  # noqa: E402
-from lightdepth.film import rendering as rendering_module  # noqa: E402
-from lightdepth.film import schedule  # noqa: E402
+from lightdepth.film import sampling, schedule  # noqa: E402
 from lightdepth.film.checkpoint import resume, write_checkpoint  # noqa: E402
 from lightdepth.film.sums import PixelSums, Share, merge  # noqa: E402
 from lightdepth.scene.materials import Metal  # noqa: E402
@@ -32,7 +31,7 @@ def scene():
 def small_passes(monkeypatch):
     """Small pictures in many passes, with several light lists and blocks of light paths."""
     monkeypatch.setattr(schedule, "PATHS", 1 << 13)
-    monkeypatch.setattr(rendering_module, "LIGHTS_SERVE", 1 << 14)
+    monkeypatch.setattr(sampling, "LIGHTS_SERVE", 1 << 14)
     monkeypatch.setattr("lightdepth.film.light_image.AT_ONCE", 1 << 11)
 
 

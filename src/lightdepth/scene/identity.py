@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from enum import Enum
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary, finalize
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel
 
-from lightdepth.scene.model import CameraView, RenderSettings, Scene
+from lightdepth.scene.model import CameraView, Panorama, RenderSettings, Scene
 
 LARGE = 1 << 16
 """Bytes from which on the digest of an array is kept."""
@@ -35,14 +36,18 @@ def scene_digest(scene: Scene) -> str:
 
 def _scene_digest(scene: Scene) -> str:
     settings = replace(scene.render, samples=RenderSettings.samples, noise=None, seed=0)
-    panoramas = [replace(panorama, path=None, repairs=(), notes=()) for panorama in scene.panoramas]  # They name files.
     seed = scene.render.seed  # The preparation's; a rendering may have a seed of its own.
-    return digest(panoramas, scene.real, scene.lights, scene.synthetic, settings, seed)
+    return digest(_photographs(scene), scene.real, scene.lights, scene.synthetic, settings, seed)
 
 
 def place_digest(scene: Scene) -> str:
     """Digest of what belongs to the photographed place: panoramas, real surfaces and lights, but no object or setting."""
-    return digest([replace(each, path=None, repairs=()) for each in scene.panoramas], scene.real, scene.lights)
+    return digest(_photographs(scene), scene.real, scene.lights)
+
+
+def _photographs(scene: Scene) -> list[Panorama]:
+    """The panoramas without what names their files, which may lie elsewhere on another machine."""
+    return [replace(panorama, path=None, repairs=(), notes=()) for panorama in scene.panoramas]
 
 
 def view_digest(view: CameraView) -> str:
@@ -75,6 +80,16 @@ def _array_digest(array: NDArray) -> bytes:
     return _arrays[key]
 
 
+@lru_cache(maxsize=256)
+def _file_digest(path: str, size: int, changed: int) -> bytes:
+    """Digest of a file's bytes, computed once for each ``size`` and time at which it was ``changed``.
+
+    Neither the path nor that time is part of it: the machines of a farm may have copies.
+    """
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").digest()
+
+
 def _chunks(value: Any) -> Iterator[bytes | memoryview]:
     """The value as bytes that distinguish it from every other one."""
     yield f"<{type(value).__name__}".encode()
@@ -92,10 +107,11 @@ def _chunks(value: Any) -> Iterator[bytes | memoryview]:
     elif isinstance(value, Mapping):
         for key, item in value.items():
             yield from _chunks(key)
-            yield from _chunks(item)
-            if key == "filename" and isinstance(item, str) and Path(item).is_file():  # A bitmap of Mitsuba's.
-                state = Path(item).stat()
-                yield f"{state.st_size} {state.st_mtime_ns}".encode()
+            if key == "filename" and isinstance(item, str) and Path(item).is_file():  # A file of a Mitsuba plugin.
+                status = Path(item).stat()
+                yield _file_digest(item, status.st_size, status.st_mtime_ns)
+            else:
+                yield from _chunks(item)
     elif isinstance(value, Enum):
         yield value.name.encode()
     elif value is None or isinstance(value, str | int | float | bool | Path | np.generic):

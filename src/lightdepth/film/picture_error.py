@@ -1,0 +1,162 @@
+"""How far the pixels are off, estimated: by the noise of their own samples, and by the errors that all share."""
+
+from __future__ import annotations
+
+import math
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.film.accumulation import Accumulator
+from lightdepth.film.sampling import Sampling
+from lightdepth.film.shared_errors import (
+    CACHE_PROBES,
+    CACHE_SAMPLES,
+    LISTS,
+    MEAN_TO_STANDARD,
+    PATHS_PER_SAMPLE,
+    PROBES,
+    SharedErrors,
+    difference_error,
+    light_list_error,
+)
+from lightdepth.film.sums import Share
+from lightdepth.kernel.start import DEVICE_LOCK
+from lightdepth.preparation import Prepared
+from lightdepth.transport.difference import DifferenceIntegrator
+
+DARK = 0.1
+"""Errors count relative to a pixel's brightness plus this share of the median: nobody sees noise in the dark."""
+SECONDS_BETWEEN_ERRORS = 0.5
+"""Shortest time between two estimates of the error for progress reports."""
+ERROR_SHARE = 0.05
+"""Largest share of the time that these estimates may take."""
+WORTH_SHARED = 0.05
+"""Errors that all pixels share are estimated once the pixels' own errors are below this: they are far smaller."""
+SHARED_SEED = 0x73686172
+"""Seed of that estimate's own random numbers."""
+
+
+class PictureError:
+    """Estimates a picture's relative error.
+
+    Args:
+        prepared: the scene.
+        sampling: takes the samples.
+        accumulator: their sums.
+        plate: the photograph at the pixels that are sampled, or at some of them, shape (k, 3), float32.
+        seed: of the rendering.
+
+    Attributes:
+        shared: the shared errors as last estimated.
+    """
+
+    def __init__(
+        self, prepared: Prepared, sampling: Sampling, accumulator: Accumulator, plate: NDArray[np.float32], seed: int
+    ) -> None:
+        self._prepared, self._sampling, self._accumulator, self._seed = prepared, sampling, accumulator, seed
+        self._dark = DARK * float(np.median(plate.mean(axis=1))) + 1e-12 if len(plate) else 1.0
+        self.shared = SharedErrors()
+        self._overall, self._known, self._due = 0.0, False, -math.inf
+
+    def outdate(self) -> None:
+        """Samples or shared errors have changed: :meth:`overall` is to be estimated again."""
+        self._known = False
+
+    def overall(self) -> float:
+        """Estimated relative error of the sampled pixels, root mean square: their noise and the shared errors."""
+        if len(self._accumulator.taken) and not self._known:
+            own = float(np.mean(np.square(self.own())))
+            irradiance, rest = self.shared_variance()
+            self._overall = math.sqrt(own + float(np.mean(irradiance)) + rest)
+            self._known = True
+        return self._overall
+
+    def watched(self) -> float:
+        """The same for progress reports, estimated again so rarely that it takes little time."""
+        started = time.monotonic()
+        if started >= self._due:
+            self.overall()
+            ended = time.monotonic()
+            self._due = ended + max(SECONDS_BETWEEN_ERRORS, (ended - started) / ERROR_SHARE)
+        return self._overall
+
+    def own(self) -> NDArray[np.float32]:
+        """Relative errors of the pixels from the noise of their own samples, shape (n,)."""
+        with DEVICE_LOCK:
+            return self._accumulator.relative_errors(self._dark)
+
+    def reducible(self, contrast: float) -> NDArray[np.float32]:
+        """What more samples reduce of them, relative to a power of the pixels' brightness, shape (n,)."""
+        with DEVICE_LOCK:
+            return self._accumulator.relative_errors(self._dark, contrast, with_light=False)
+
+    def shared_variance(self) -> tuple[NDArray[np.float32] | float, float]:
+        """Relative variance of the shared errors: of the irradiance, shape (n,), and of the rest."""
+        irradiance = self._prepared.irradiance.mean_error * MEAN_TO_STANDARD
+        rest = self.light_list() ** 2 + self.shared.cache**2
+        if not math.isfinite(irradiance) or irradiance == 0.0:
+            return 0.0, rest
+        with DEVICE_LOCK:
+            change, brightness = self._accumulator.change_and_brightness(self._dark)
+        return np.square(irradiance * change / brightness), rest
+
+    def light_list(self) -> float:
+        """Relative error that the light lists so far give all pixels."""
+        return self.shared.light_list * math.sqrt(self._sampling.list_use.share(len(self._accumulator.taken)))
+
+    def estimate_shared(self, share: Share) -> None:
+        """Estimate the errors of the light list and of the radiance cache, once they are not lost in the noise.
+
+        Only between rounds, so that the samples that a wanted noise takes do not depend on progress reports.
+
+        Args:
+            share: whose pixels' own errors tell that.
+        """
+        spent, integrator = int(self._accumulator.taken.sum(dtype=np.int64)), self._prepared.integrator
+        count = len(self._accumulator.taken)
+        if not isinstance(integrator, DifferenceIntegrator) or spent < 4 * self.shared.spent or not count:
+            return
+        own = self.own()[share.owns(np.arange(count))]
+        if not len(own) or float(np.sqrt(np.mean(np.square(own)))) > WORTH_SHARED:
+            return
+        generator = np.random.default_rng([self._seed, SHARED_SEED, spent])
+        with DEVICE_LOCK:
+            _, brightness = self._accumulator.change_and_brightness(self._dark)
+            fewest, most = PROBES
+            probes = min(max(spent // (PATHS_PER_SAMPLE * LISTS * self._sampling.list_length), fewest), most)
+            # Lists err most where paths do, which may be few pixels.
+            chance = np.square(self.own().astype(np.float64))
+            chance = 0.5 * chance / max(float(chance.sum()), 1e-300) + 0.5 / len(chance)
+            chance /= chance.sum()
+            slots = generator.choice(count, probes, p=chance)
+            light_list = light_list_error(
+                integrator,
+                self._prepared.place,
+                self._sampling.ray_through,
+                self._sampling.pixels[slots],
+                brightness[slots],
+                1.0 / (len(chance) * chance[slots]),
+                self._sampling.list_length,
+                generator,
+            )
+            self.shared = SharedErrors(light_list, self._cache(brightness, generator), spent)
+        self.outdate()
+
+    def _cache(self, brightness: NDArray[np.float32], generator: np.random.Generator) -> float:
+        """Relative error that the radiance cache gives pixels: how much they change with a perturbed cache."""
+        cache, lights, pixels = self._sampling.cache, self._sampling.lights, self._sampling.pixels
+        if cache is None or lights is None:
+            return 0.0
+        slots = np.sort(generator.choice(len(pixels), min(CACHE_PROBES, len(pixels)), replace=False))
+        counts = np.full(len(slots), CACHE_SAMPLES)
+        other = cache.perturbed(generator)
+        differences = []
+        for _ in range(2):
+            first = generator.integers(1 << 32, size=len(slots))
+            sums = [self._sampling.follow(lights, pixels[slots], first, counts, each) for each in (cache, other)]
+            totals = [(each.change + each.synthetic).numpy().T for each in sums]
+            differences.append((totals[1] - totals[0]) / CACHE_SAMPLES)
+        now = difference_error(differences[0], differences[1], brightness[slots])
+        return now * math.sqrt(self._sampling.cache_use.share(cache.records))
