@@ -19,10 +19,13 @@ def gloss_problems(scene: Scene) -> list[Problem]:
     from lightdepth.place.place import Place
     from lightdepth.place.real_surfaces import merge_real_surfaces
     from lightdepth.place.traced_surfaces import TracedSurfaces
+    from lightdepth.recovery.gains import solve_gains
     from lightdepth.recovery.specular import fit_glosses
 
     surfaces = merge_real_surfaces(scene.real)
-    fitted = fit_glosses(Place(scene.panorama, TracedSurfaces(surfaces), suns=scene.lights), surfaces)
+    traced = TracedSurfaces(surfaces)
+    gains = solve_gains(scene.panoramas, traced).gains
+    fitted = fit_glosses(Place(scene.panoramas, traced, suns=scene.lights, gains=gains), surfaces)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))
     problems = []
     for surface in shiny:

@@ -21,6 +21,8 @@ from lightdepth.scene.identity import digest
 from lightdepth.scene.model import Panorama
 
 MOST_SUBPIXELS = 8
+SHARE_POINTS = 2
+"""Along each side of a pixel, at which the photographs' shares are looked up."""
 KEPT, LARGEST_KEPT = 2, 1 << 22
 """Plates that a prepared place keeps, and pixels of the largest."""
 MOST_LENS_POINTS = 256
@@ -77,6 +79,30 @@ def render_plate(
         return pixels, np.ones(pixels.shape[:2], np.float32)
     around, alpha = _resampled(view, place, draft)
     return np.where((mask_feather(mask) == 1.0)[..., None], pixels, around), alpha
+
+
+def render_shares(view: Viewpoint, place: Place) -> NDArray[np.float32] | None:
+    """Share of each photograph in a plate, shape (height, width, k); ``None`` where there is one photograph.
+
+    All are 0 where no photograph sees what the pixel shows.
+    """
+    if len(place.photograph.each) == 1:
+        return None
+    width, height = view.resolution
+    shares = np.empty((height, width, len(place.photograph.each)), np.float32)
+    for band in bands(width, height):
+        totals = [dr.zeros(mi.Float, dr.width(band.row)) for _ in place.photograph.each]
+        dr.make_opaque(totals)
+        for i, j in np.ndindex(SHARE_POINTS, SHARE_POINTS):
+            offset = mi.Point2f((i + 0.5) / SHARE_POINTS, (j + 0.5) / SHARE_POINTS)
+            dr.make_opaque(offset)
+            seen = view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
+            hit = place.surfaces.first_real(seen.ray, seen.inside)
+            found = place.photograph.shares(hit, seen.ray)
+            totals = [total + dr.select(seen.inside, share, 0.0) for total, share in zip(totals, found, strict=True)]
+            dr.eval(totals)
+        shares[band.rows] = np.stack([total.numpy() for total in totals], axis=-1).reshape(*band.shape, -1)
+    return shares / np.float32(SHARE_POINTS**2)
 
 
 def _resampled(view: Viewpoint, place: Place, draft: bool) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

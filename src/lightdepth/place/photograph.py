@@ -121,6 +121,12 @@ class Photograph(Photographed):
         photograph._clarity = _texture(clarity)
         return photograph
 
+    def declared(self, panorama: Panorama) -> mi.Texture2f | None:
+        """1 where the scene declares the radiance of sources that this panorama clipped; ``None`` where it does not."""
+        if panorama.unclipped is None:
+            return None
+        return _texture(np.any(panorama.unclipped != panorama.radiance, axis=2, keepdims=True).astype(np.float32))
+
     def with_importance(self, panorama: Panorama, importance: NDArray[np.float32], alone: bool) -> Photograph:
         """The same photograph, whose light is sampled in proportion to an importance of its pixels as well.
 
@@ -186,6 +192,11 @@ class Photograph(Photographed):
         seen = dr.select(hit.valid, dr.normalize(mi.Vector3f(point - self._capture)), ray.d)
         return self.sharp_at(self._to_light @ seen)
 
+    def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
+        """As the base says."""
+        _, unseen, _ = self.sight(mi.Vector3f(hit.point), hit.normal)
+        return [dr.select(hit.valid & unseen, 0.0, 1.0)]
+
     def sharp_at(self, direction: mi.Vector3f) -> mi.Color3f:
         """The picture in unit directions, light space, sharply interpolated."""
         return self._shown.sharp_radiance(direction)
@@ -210,7 +221,7 @@ class Photograph(Photographed):
         """``S`` in unit directions, light space."""
         if self._mirrored is None:
             return mi.Color3f(0.0)
-        red, green, blue = _looked_up(self._mirrored, direction, active)
+        red, green, blue = looked_up(self._mirrored, direction, active)
         return mi.Color3f(red, green, blue)
 
     def look(self, u: mi.Float, v: mi.Float) -> RealHit:
@@ -264,7 +275,7 @@ class Photograph(Photographed):
         solid_angle = dr.select(finite, cosine * dr.rcp(dr.maximum(dr.square(distance), 1e-12)), 1.0)
         clarity, counts = mi.Float(1.0), mi.Float(1.0)
         if self._clarity is not None:
-            clarity, counts = _looked_up(self._clarity, w0, active)
+            clarity, counts = looked_up(self._clarity, w0, active)
         clarity *= dr.select(finite, self._on_surface(mapped, depth, cosine), dr.select(dr.isinf(mapped), 1.0, 0.0))
         return Sighting(
             toward,
@@ -400,7 +411,7 @@ def _texture(image: NDArray[np.float32]) -> mi.Texture2f:
     return mi.Texture2f(mi.TensorXf(np.ascontiguousarray(wrapped)), wrap_mode=dr.WrapMode.Clamp)
 
 
-def _looked_up(texture: mi.Texture2f, direction: mi.Vector3f, active: mi.Bool) -> list[mi.Float]:
+def looked_up(texture: mi.Texture2f, direction: mi.Vector3f, active: mi.Bool) -> list[mi.Float]:
     """Channels of such an image in unit directions, light space."""
     u, v = direction_to_latlong(direction)
     width = texture.shape[1]

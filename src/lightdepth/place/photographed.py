@@ -58,6 +58,10 @@ class Photographed(RealLight):
         """``M(q)`` as a camera sees it: sharply interpolated, at the rest position of what is deformed."""
 
     @abstractmethod
+    def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
+        """Share of each photograph in what a camera sees; 0 for all where none of them sees it."""
+
+    @abstractmethod
     def surface_radiance(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
         """M at points of real surfaces seen from their front, at their rest positions (paper, section 5.8).
 

@@ -20,7 +20,7 @@ from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.variables import as_point
 from lightdepth.place.light_list import LightSample, joined
-from lightdepth.place.photograph import Photograph
+from lightdepth.place.photograph import Photograph, looked_up
 from lightdepth.place.photograph_weights import Sighting, Weights, weigh
 from lightdepth.place.photographed import Photographed
 from lightdepth.place.real_surfaces import FaceKind
@@ -62,6 +62,7 @@ class Photographs(Photographed):
             for panorama, gain in zip(panoramas, np.ones((len(panoramas), 3)) if gains is None else gains, strict=True)
         )
         self._captures = [as_point(photograph.capture) for photograph in self.each]
+        self._declared = self.each[0].declared(panoramas[0])
         self._distant = Photograph(panoramas[0], surfaces, True, alone) if infinite else None
         if self._distant is None:
             importance = [self._importance(index) for index in range(len(self.each))]
@@ -111,7 +112,7 @@ class Photographs(Photographed):
         return _weighed(weights.shares, [p.sharp_at(s.direction) for p, s in zip(self.each, sightings, strict=True)])
 
     def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
-        """Share of each photograph in what a camera sees; 0 for all where none of them sees it."""
+        """As the base says."""
         _, weights = self._looked_at(hit, ray)
         return [dr.select(weights.seen, share, 0.0) for share in weights.shares]
 
@@ -155,7 +156,14 @@ class Photographs(Photographed):
     def _sightings(
         self, point: mi.Vector3f, normal: mi.Vector3f, finite: mi.Bool, direction: mi.Vector3f, active: mi.Bool
     ) -> list[Sighting]:
-        return [photograph.sighting(point, normal, finite, direction, active) for photograph in self.each]
+        sightings = [photograph.sighting(point, normal, finite, direction, active) for photograph in self.each]
+        if self._declared is not None:
+            # Sources of declared radiance are those of the first photograph: the others clipped them too.
+            first = sightings[0]
+            (declared,) = looked_up(self._declared, first.direction, active)
+            for other in sightings[1:]:
+                other.counts *= 1.0 - dr.select(first.seen, declared, 0.0)
+        return sightings
 
     def _looked_at(self, hit: RealHit, ray: mi.Ray3f) -> tuple[list[Sighting], Weights]:
         """What a camera's rays see."""
