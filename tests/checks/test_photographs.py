@@ -50,7 +50,7 @@ def test_people_are_reported_with_their_place(first, second):
 
 @pytest.mark.parametrize(
     ("position", "message"),
-    [((0.0, 0.0, 1.2), 'is inside "pillar"'), ((9.0, 0.0, 1.2), "outside the room")],
+    [((0.31, 0.0, 1.2), '10.0 mm from the surface of "pillar"'), ((9.0, 0.0, 1.2), "outside the room")],
 )
 def test_a_further_capture_point_that_is_wrong_is_named(first, second, position, message):
     found = inspect_scene(Scene(first, REAL, further=(replace(second, position=np.array(position)),)))
