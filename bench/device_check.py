@@ -1,6 +1,6 @@
 """Whether another device gives the CPU's pictures within noise, and how fast it is: ``python bench/device_check.py``.
 
-Needs nothing but Python, this repository and, where the packages are not installed, a folder of their wheels, which it
+Needs nothing but Python, this repository and, where it is not installed, a folder with the wheels of it and its packages, which it
 installs aside (``--wheels``), without a network. Each device renders in a process of its own. Ends with 0 where the
 pictures agree, with 1 where they do not, and with 2 where a device did not render.
 """
@@ -8,13 +8,16 @@ pictures agree, with 1 where they do not, and with 2 where a device did not rend
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import json
 import os
 import platform
+import site
 import subprocess
 import sys
 import tempfile
 import time
+import venv
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +50,8 @@ def main() -> int:
         return 0
     arguments.output.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as folder:
-        environment = _environment(Path(folder), arguments.wheels)
+        python = _python(Path(folder), arguments.wheels)
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "src")))}
         files = []
         for number, device in enumerate(arguments.devices.split(",")):
             files.append(arguments.output / f"{number}-{device}.npz")
@@ -55,28 +59,26 @@ def main() -> int:
             caches = Path(folder) / str(number)
             (caches / "kernels").mkdir(parents=True)
             own = {"LIGHTDEPTH_CACHE": str(caches / "places"), "DRJIT_CACHE_DIR": str(caches / "kernels")}
-            command = [sys.executable, __file__, "--measure", device, str(files[-1])]
+            command = [python, __file__, "--measure", device, str(files[-1])]
             command += ["--seeds", str(arguments.seeds), "--samples", str(arguments.samples)]
             command += ["--no-speed"] * arguments.no_speed
             if subprocess.run(command, env={**environment, **own}).returncode:
                 print(f"{device}: did not render")
                 return 2
-        sys.path[:0] = environment["PYTHONPATH"].split(os.pathsep)
         return _report(files, arguments.output)
 
 
-def _environment(folder: Path, wheels: Path | None) -> dict[str, str]:
-    """The variables of the processes that render: where the packages are, and libLLVM where it came as a wheel."""
-    paths, environment = [str(ROOT), str(ROOT / "src")], dict(os.environ)
-    if wheels is not None:
-        packages = folder / "packages"
-        command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-index", "--no-deps", "--target", packages]
-        subprocess.run([*command, *sorted(wheels.glob("*.whl"))], check=True)
-        paths.append(str(packages))
-        for library in sorted(packages.rglob("libLLVM*.so*"), key=lambda path: len(path.name)):
-            if library.stat().st_size > 1_000_000:
-                environment.setdefault("DRJIT_LIBLLVM_PATH", str(library))
-    return {**environment, "PYTHONPATH": os.pathsep.join(paths)}
+def _python(folder: Path, wheels: Path | None) -> str:
+    """The Python that renders: this one, or one of its own that has the wheels and sees what is installed here."""
+    if wheels is None:
+        return sys.executable
+    venv.create(folder / "venv", with_pip=False, symlinks=True)
+    python = str(folder / "venv" / "bin" / "python")
+    (own,) = (folder / "venv" / "lib").glob("python*/site-packages")
+    (own / "installed-here.pth").write_text("\n".join(site.getsitepackages()) + "\n")
+    command = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-index", "--no-deps"]
+    subprocess.run([*command, *map(str, sorted(wheels.glob("*.whl")))], check=True)
+    return python
 
 
 def _measure(device: str, file: Path, arguments: argparse.Namespace) -> None:
@@ -105,6 +107,13 @@ def _measure(device: str, file: Path, arguments: argparse.Namespace) -> None:
         kept[f"{method} {camera} depth"] = frame.depth
     if not arguments.no_speed:
         facts["speed"] = _speed(scene, device)
+    if importlib.util.find_spec("mitsuba_oidn"):
+        from lightdepth.film.layers import write_picture
+
+        began = time.perf_counter()
+        frame = lightdepth.render(_resized(scene, SPEED_WIDTHS), "view", 16, denoise=True, device=device)
+        facts["denoised"] = time.perf_counter() - began
+        write_picture(file.with_suffix(".png"), frame)
     np.savez_compressed(file, facts=json.dumps(facts), **kept)
 
 

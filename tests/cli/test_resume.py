@@ -13,17 +13,15 @@ from lightdepth.film.layers import read_frame
 
 from .room_folder import edit, make_room
 
-SMALL_PASSES = """
-from lightdepth.kernel.start import start
-start()
-from lightdepth.cli.app import main
-from lightdepth.film import light_image, sampling, schedule
-schedule.PATHS, sampling.LIGHTS_SERVE, light_image.AT_ONCE = 1 << 12, 1 << 15, 1 << 11
-main()
-"""
-"""The command line with passes so small that a small picture has many."""
-PROGRAM = [sys.executable, "-c", SMALL_PASSES]
+PROGRAM = [sys.executable, "-c", "from lightdepth.cli.app import main; main()"]
 KILLS = 10
+SMALL_PASSES = """
+[render.parameters.film]
+paths_at_once = 4096
+light_list_paths = 32768
+light_paths_at_once = 2048
+"""
+"""Small passes, of which a small picture then has many."""
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +29,7 @@ def scene(tmp_path_factory):
     scene = make_room(tmp_path_factory.mktemp("room"))
     edit(scene, "width = 16\nheight = 9", "width = 64\nheight = 36\nposition = [0, 0, 1.3]\nlook_at = [0.5, 1, 0.3]")
     with scene.open("a") as file:
-        file.write("\n[render]\nsamples = 128\nirradiance_samples = 64\n")
+        file.write("\n[render]\nsamples = 128\nirradiance_samples = 64\n" + SMALL_PASSES)
     return scene
 
 

@@ -14,11 +14,13 @@ start("cpu")
 
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
-from lightdepth.film import schedule  # noqa: E402
 from lightdepth.film.pixel_list import PixelList  # noqa: E402
-from lightdepth.film.schedule import PILOT_SAMPLES  # noqa: E402
+from lightdepth.film.schedule import passes  # noqa: E402
+from lightdepth.parameters import FilmParameters  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
+
+PILOT_SAMPLES = FilmParameters().pilot_samples
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +63,7 @@ def test_a_pixels_own_luck_does_not_decide_how_many_samples_it_gets(scene):
     lucky = len(rendering.pixels) // 2
     error = np.zeros(len(rendering.pixels), np.float32)
     error[lucky] = 1.0
-    around = PixelList(scene.cameras["view"], rendering.pixels).around(error)
+    around = PixelList(scene.cameras["view"], rendering.pixels).around(error, 2)
     assert around[lucky] == 0.0
     assert np.count_nonzero(around) >= 8
 
@@ -148,14 +150,13 @@ def test_memory_does_not_grow_with_the_samples():
 
 
 @pytest.mark.parametrize("wanted", [[], [0] * 5, [10_000] * 100, "random", [0] * 3000 + [7] * 10 + [0] * 3000])
-def test_passes_give_every_pixel_what_it_wants_in_bounded_portions(wanted, monkeypatch):
-    if wanted != "random":
-        monkeypatch.setattr(schedule, "PATHS", 1000)
+def test_passes_give_every_pixel_what_it_wants_in_bounded_portions(wanted):
+    parameters = FilmParameters() if wanted == "random" else FilmParameters(paths_at_once=1000)
     counts = np.random.default_rng(1).integers(0, 1000, 70_000) if wanted == "random" else wanted
     wanted = np.array(counts, np.int32)
     given = np.zeros_like(wanted)
-    for slots, portion in schedule.passes(wanted):
-        assert 0 < portion.sum() < schedule.PATHS + schedule.AT_ONCE
+    for slots, portion in passes(wanted, parameters):
+        assert 0 < portion.sum() < parameters.paths_at_once + parameters.samples_at_once
         assert len(np.unique(slots)) == len(slots)
         given[slots] += portion
     np.testing.assert_array_equal(given, wanted)

@@ -12,8 +12,8 @@ start("cpu")
 
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.cameras import Perspective  # noqa: E402
-from lightdepth.film import sampling  # noqa: E402
 from lightdepth.film.shared_errors import CacheUse, ListUse, difference_error  # noqa: E402
+from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
 SEEDS, SAMPLES = 16, 1024
@@ -28,15 +28,14 @@ def scene():
     return replace(scene, cameras={"view": replace(scene.cameras["view"], camera=camera)})
 
 
-def test_the_estimate_is_what_is_seen_over_seeds(scene, monkeypatch):
+def test_the_estimate_is_what_is_seen_over_seeds(scene):
     """One short light list for all paths; as many training paths at first as a large picture has.
 
     Means of tiles have a quarter of the pixels' own errors and all of the common one, which varies slowly over the
     picture.
     """
-    monkeypatch.setattr(sampling, "LIGHTS", 512)
-    monkeypatch.setattr(sampling, "LIGHTS_SERVE", 1 << 40)
-    monkeypatch.setattr(sampling, "FIRST_SHARE", 4.0)
+    few = FilmParameters(light_list_length=512, light_list_paths=1 << 40, first_training_share=4.0)
+    scene = replace(scene, render=replace(scene.render, parameters=Parameters(film=few)))
     pictures, own, common = [], [], []
     for seed in range(SEEDS):
         rendering = begin_rendering(scene, "view", seed=seed)
@@ -59,7 +58,7 @@ def test_the_estimate_is_what_is_seen_over_seeds(scene, monkeypatch):
     assert 0.5 < math.sqrt(np.mean(common) / observed) < 2.0
 
 
-def test_what_is_in_common_counts_for_a_wanted_noise(scene, monkeypatch):
+def test_what_is_in_common_counts_for_a_wanted_noise(scene):
     spent = []
     for irradiance in (0.0, 0.02):
         rendering = begin_rendering(scene, "view", seed=1)

@@ -13,26 +13,21 @@ start("cpu")
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.errors import InputError  # noqa: E402
-from lightdepth.film import sampling, schedule  # noqa: E402
 from lightdepth.film.checkpoint import resume, write_checkpoint  # noqa: E402
 from lightdepth.film.sums import PixelSums, Share, merge  # noqa: E402
+from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from lightdepth.scene.materials import Metal  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
+
+SMALL = FilmParameters(paths_at_once=1 << 13, light_list_paths=1 << 14, light_paths_at_once=1 << 11)
+"""Small pictures in many passes, with several light lists and blocks of light paths."""
 
 
 @pytest.fixture(scope="module")
 def scene():
     """With metal, so that there are paths from the light as well."""
     metal = Metal(type="metal", name="Ag", roughness=0.3)
-    return room(lamp_image(128), [ball(metal), ball(GREY, (-0.5, 1.0, 0.3), 0.3)])
-
-
-@pytest.fixture
-def small_passes(monkeypatch):
-    """Small pictures in many passes, with several light lists and blocks of light paths."""
-    monkeypatch.setattr(schedule, "PATHS", 1 << 13)
-    monkeypatch.setattr(sampling, "LIGHTS_SERVE", 1 << 14)
-    monkeypatch.setattr("lightdepth.film.light_image.AT_ONCE", 1 << 11)
+    return room(lamp_image(128), [ball(metal), ball(GREY, (-0.5, 1.0, 0.3), 0.3)], parameters=Parameters(film=SMALL))
 
 
 def contents(frame):
@@ -51,7 +46,7 @@ def passes(rendering, samples, count, **target):
         pass
 
 
-def test_renderings_in_turn_give_what_each_gives_alone(scene, small_passes):
+def test_renderings_in_turn_give_what_each_gives_alone(scene):
     alone = [whole(scene, *each) for each in (("view", 16, 3), ("dome", 16, 4))]
     both = [begin_rendering(scene, camera, seed=seed) for camera, seed in (("view", 3), ("dome", 4))]
     steps = [rendering.run(16) for rendering in both]
@@ -62,7 +57,7 @@ def test_renderings_in_turn_give_what_each_gives_alone(scene, small_passes):
     assert [contents(rendering.frame(auxiliary=False)) for rendering in both] == alone
 
 
-def test_renderings_in_threads_give_what_each_gives_alone(scene, small_passes):
+def test_renderings_in_threads_give_what_each_gives_alone(scene):
     cameras = ("view", "dome", "pano")
     alone = [whole(scene, camera, 8, seed) for seed, camera in enumerate(cameras)]
     found = [None] * len(cameras)
@@ -79,7 +74,7 @@ def test_renderings_in_threads_give_what_each_gives_alone(scene, small_passes):
 
 
 @pytest.mark.parametrize("noise", [None, 0.1])
-def test_a_stopped_rendering_goes_on_to_the_same_picture(scene, small_passes, noise):
+def test_a_stopped_rendering_goes_on_to_the_same_picture(scene, noise):
     plain = begin_rendering(scene, "view", seed=3)
     count = len(list(plain.run(64, noise)))
     assert count > 8
@@ -137,7 +132,7 @@ def test_a_scene_without_cameras_is_refused(scene):
 
 
 @pytest.mark.parametrize("stop", [0, 1, 5, 9])
-def test_a_rendering_goes_on_from_its_checkpoint(scene, small_passes, tmp_path, stop):
+def test_a_rendering_goes_on_from_its_checkpoint(scene, tmp_path, stop):
     first = begin_rendering(scene, "view", seed=3)
     passes(first, 32, stop)
     write_checkpoint(tmp_path / "x.checkpoint", first)
@@ -174,7 +169,7 @@ def part(scene, share, samples=48, **options):
 
 
 @pytest.mark.parametrize("metal", [True, False])
-def test_shares_merged_are_the_picture_of_one_process(scene, small_passes, tmp_path, metal):
+def test_shares_merged_are_the_picture_of_one_process(scene, tmp_path, metal):
     if not metal:
         scene = replace(scene, synthetic=scene.synthetic[1:])
     files = []

@@ -11,8 +11,8 @@ start("cpu")
 
 import lightdepth  # noqa: E402
 from lightdepth.errors import InputWarning  # noqa: E402
+from lightdepth.parameters import Parameters, RecoveryParameters  # noqa: E402
 from lightdepth.preparation.place import forget_places, prepare_place  # noqa: E402
-from lightdepth.recovery.parameters import DEFAULT  # noqa: E402
 from lightdepth.scene.model import Gloss  # noqa: E402
 from lightdepth.store import Store  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
@@ -56,7 +56,7 @@ def test_what_is_recovered_depends_on_the_place_and_its_settings(alone):
     other_light = scene(rotation=(0.0, 0.0, 41.0))
     for other in (scene(seed=1), scene(irradiance_samples=18), other_light):
         assert not np.array_equal(prepared_afresh(other).real.irradiance, alone.real.irradiance)
-    varied = prepared_afresh(scene(), parameters=replace(DEFAULT, most_vertices=100))
+    varied = prepared_afresh(scene(parameters=Parameters(recovery=RecoveryParameters(most_vertices=100))))
     assert varied.errors.vertices < 150 < alone.errors.vertices
 
 
@@ -112,9 +112,9 @@ def test_a_picture_from_the_cache_is_the_picture_without(tmp_path, monkeypatch):
 
 
 def test_the_cache_holds_what_glossy_surfaces_mirror(tmp_path):
-    store, few = Store(tmp_path), replace(DEFAULT, gloss_points=64, gloss_samples=16, mirrored_samples=4)
-    glossy = scene(gloss=Gloss(0.3, 0.5))
-    first, second = (prepared_afresh(glossy, store=store, parameters=few) for _ in range(2))
+    store, few = Store(tmp_path), RecoveryParameters(gloss_points=64, gloss_samples=16, mirrored_samples=4)
+    glossy = scene(gloss=Gloss(0.3, 0.5), parameters=Parameters(recovery=few))
+    first, second = (prepared_afresh(glossy, store=store) for _ in range(2))
     assert first.real.glosses == second.real.glosses
     assert first.real.glosses[0].albedo != Gloss(0.3, 0.5).albedo
     one, other = (np.array(known.place.photograph._mirrored.tensor()) for known in (first, second))

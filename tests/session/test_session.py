@@ -13,8 +13,8 @@ start("cpu")
 import lightdepth  # noqa: E402
 from lightdepth.api import forget_prepared  # noqa: E402
 from lightdepth.errors import InputError  # noqa: E402
-from lightdepth.film import schedule  # noqa: E402
 from lightdepth.film.layers import read_frame  # noqa: E402
+from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from lightdepth.session import events  # noqa: E402
 from lightdepth.session.displays import ExrDisplay, MemoryDisplay, PngDisplay  # noqa: E402
 from lightdepth.session.events import Caution, Done, Failure, Hello, Picture, Progress, Stage  # noqa: E402
@@ -23,16 +23,12 @@ from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
 PATIENCE = 120.0
 """Seconds after which a test has failed."""
+SMALL_PASSES = Parameters(film=FilmParameters(paths_at_once=1 << 12))
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return room(lamp_image(128), [ball(GREY)])
-
-
-@pytest.fixture
-def small_passes(monkeypatch):
-    monkeypatch.setattr(schedule, "PATHS", 1 << 12)
+    return room(lamp_image(128), [ball(GREY)], parameters=SMALL_PASSES)
 
 
 class Watched(Session):
@@ -83,7 +79,7 @@ def test_a_session_reports_its_stages_and_shows_the_picture_of_render(scene, tmp
         read_frame(tmp_path / "made" / "x.exr")
 
 
-def test_a_paused_session_waits_and_goes_on_to_the_same_picture(scene, small_passes):
+def test_a_paused_session_waits_and_goes_on_to_the_same_picture(scene):
     session = Watched(scene)
     first = None
 
@@ -103,7 +99,7 @@ def test_a_paused_session_waits_and_goes_on_to_the_same_picture(scene, small_pas
     assert session.shown.frame.beauty.tobytes() == plain(scene, 32)
 
 
-def test_a_cancelled_session_shows_what_it_has_and_can_go_on(scene, small_passes):
+def test_a_cancelled_session_shows_what_it_has_and_can_go_on(scene):
     session = Watched(scene)
     session.start(Job("view", 64))
     session.until(Progress, 3)
@@ -117,7 +113,7 @@ def test_a_cancelled_session_shows_what_it_has_and_can_go_on(scene, small_passes
     assert session.shown.frame.beauty.tobytes() == plain(scene, 64)
 
 
-def test_more_samples_can_be_asked_for_while_it_renders_and_afterwards(scene, small_passes):
+def test_more_samples_can_be_asked_for_while_it_renders_and_afterwards(scene):
     session = Watched(scene)
     session.start(Job("view", 1_000_000))
     session.until(Progress, 2)
@@ -132,7 +128,7 @@ def test_more_samples_can_be_asked_for_while_it_renders_and_afterwards(scene, sm
         session.set_samples(0)
 
 
-def test_a_changed_scene_begins_again(scene, small_passes):
+def test_a_changed_scene_begins_again(scene):
     other = replace(scene, synthetic=(ball(GREY, (-0.5, 1.0, 0.3), 0.3),))
     session = Watched(scene)
     session.start(Job("view", 1_000_000))
@@ -159,7 +155,7 @@ def test_it_can_be_cancelled_while_it_prepares(scene):
     assert session.shown.frame is None
 
 
-def test_a_region_comes_first(scene, small_passes):
+def test_a_region_comes_first(scene):
     session = Watched(scene)
     samples = []
 

@@ -8,16 +8,9 @@ from numpy.typing import NDArray
 from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.picture_error import PictureError
 from lightdepth.film.pixel_list import PixelList
-from lightdepth.film.schedule import QUANTUM, Round, Target, pilot_samples
+from lightdepth.film.schedule import Round, Target, pilot_samples
 from lightdepth.kernel.start import DEVICE_LOCK
-
-MOST_SHARE = 16
-"""No pixel gets more than this many times the average number of samples."""
-CONTRAST = 0.5
-"""The power of a pixel's brightness that this error is relative to, as in Dammertz et al. 2010; relative to the brightness
-itself, highlights would get too few samples."""
-LEAST_NOISE = 0.5
-"""Smallest share of a wanted noise that is left to the pixels' own errors, however large the shared ones are."""
+from lightdepth.parameters.film import FilmParameters
 
 
 class Allocation:
@@ -27,21 +20,25 @@ class Allocation:
         pixels: the pixels that are sampled.
         accumulator: their sums.
         errors: their errors.
+        parameters: how samples are shared out.
     """
 
-    def __init__(self, pixels: PixelList, accumulator: Accumulator, errors: PictureError) -> None:
+    def __init__(
+        self, pixels: PixelList, accumulator: Accumulator, errors: PictureError, parameters: FilmParameters
+    ) -> None:
         self._pixels, self._accumulator, self._errors = pixels, accumulator, errors
+        self._parameters = parameters
 
     def pilot_round(self, target: Target) -> Round:
         """The first round for a target: afterwards no pixel has fewer samples than the pilot takes."""
         taken = self._accumulator.taken.astype(np.int64)
-        more = np.maximum(pilot_samples(target.samples) - taken, 0)
+        more = np.maximum(pilot_samples(target.samples, self._parameters) - taken, 0)
         wanted = self._pixels.inside(more, target.region).astype(np.int32)
         inside = self._pixels.inside(np.ones(taken.size, np.int64), target.region)
         return Round(target, wanted, int((taken * (1 - inside)).sum() + target.samples * inside.sum()))
 
     def next_round(self, last: Round) -> Round | None:
-        """What is still wanted after a round, in multiples of ``QUANTUM``; ``None`` when the work is done.
+        """What is still wanted after a round, in multiples of ``quantum``; ``None`` when the work is done.
 
         Without a wanted ``noise``, what remains after the pilot is spent at once in proportion to the error that each
         pixel's neighbours then had. With it, as many as the error calls for, in rounds that at most quadruple a pixel's
@@ -53,7 +50,8 @@ class Allocation:
         if more is None or (target.noise is None and not last.pilot):
             return None
         more = self._pixels.inside(more, target.region)
-        wanted = QUANTUM * np.floor(more / QUANTUM + 0.5).astype(np.int32)
+        quantum = self._parameters.quantum
+        wanted = quantum * np.floor(more / quantum + 0.5).astype(np.int32)
         return Round(target, wanted, max(whole, int(taken.sum(dtype=np.int64)) + 1), 0, False) if wanted.any() else None
 
     def _even(self, target: Target) -> tuple[NDArray[np.float32] | None, int]:
@@ -63,9 +61,9 @@ class Allocation:
         size, spent = int(inside.sum()), int((taken * inside).sum(dtype=np.int64))
         left = samples * size - spent
         whole = int(taken.sum(dtype=np.int64)) + left
-        if left < max(QUANTUM * size / 64, 1):
+        if left < max(self._parameters.quantum * size / 64, 1):
             return None, whole
-        more = self._pixels.around(self._errors.reducible(CONTRAST))
+        more = self._around(self._errors.reducible(self._parameters.contrast))
         if taken.max() > taken.min():
             # Not after a pilot: the samples so far are part of what each pixel is due.
             more *= np.sqrt(taken.astype(np.float32))
@@ -75,7 +73,7 @@ class Allocation:
             np.maximum(more, 0.0, out=more)
         more = self._pixels.inside(more, target.region)
         more *= left / max(float(more.sum(dtype=np.float64)), 1e-30)
-        np.minimum(more, MOST_SHARE * samples, out=more)
+        np.minimum(more, self._parameters.most_share * samples, out=more)
         return more, whole
 
     def _until(self, target: Target, noise: float) -> tuple[NDArray[np.float32], int]:
@@ -85,8 +83,8 @@ class Allocation:
         errors = self._errors.own()
         irradiance, rest = self._errors.shared_variance()
         # More samples of a pixel do not reduce the shared errors: beyond some point they are of no use.
-        left = np.maximum(noise**2 - rest - irradiance, LEAST_NOISE**2 * noise**2)
-        more: NDArray[np.float32] = np.square(np.maximum(errors, self._pixels.around(errors)))
+        left = np.maximum(noise**2 - rest - irradiance, self._parameters.least_noise**2 * noise**2)
+        more: NDArray[np.float32] = np.square(np.maximum(errors, self._around(errors)))
         more /= np.asarray(left, np.float32)
         more *= taken
         np.minimum(more, target.samples, out=more)
@@ -95,3 +93,6 @@ class Allocation:
         whole = int(taken.sum(dtype=np.int64)) + int(more.sum(dtype=np.float64))
         np.minimum(more, 3.0 * taken, out=more)
         return more, whole
+
+    def _around(self, errors: NDArray[np.float32]) -> NDArray[np.float32]:
+        return self._pixels.around(errors, self._parameters.neighbourhood)

@@ -16,14 +16,11 @@ from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.cryptomatte import Mattes
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import Band, bands
+from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.preparation import Prepared
 
-SUBPIXELS = 2
-"""Points along each side of a pixel over which normal and albedo are averaged."""
-EDGE_SAMPLES = 32
-"""Points in a pixel that shows an object's edge, by which the objects' coverage is measured;"""
 EDGES_AT_ONCE = 1 << 15
-"""and so many such pixels at a time, which bounds the memory."""
+"""Pixels that show an object's edge at a time, which bounds the memory."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +46,7 @@ def render_auxiliary(
     prepared: Prepared,
     names: tuple[tuple[str, ...], tuple[str, ...]],
     coverage: NDArray[np.float32] | None = None,
+    parameters: FilmParameters = DEFAULT,
 ) -> Auxiliary:
     """Render the layers other than light.
 
@@ -58,8 +56,10 @@ def render_auxiliary(
         names: of the object and of the material of each shape.
         coverage: share of each pixel that objects cover, as far as is known, shape (height, width): where it lies
             between 0 and 1 there is an edge, be it of an object that lies between all pixel centres.
+        parameters: points in each pixel.
     """
     width, height = view.resolution
+    subpixels = parameters.layer_subpixels
     shape = np.empty((height, width), np.uint16)
     edge = np.zeros((height, width), bool) if coverage is None else (coverage > 0.0) & (coverage < 1.0)
     depth = np.empty((height, width), np.float32)
@@ -81,10 +81,10 @@ def render_auxiliary(
         mean_normal, mean_albedo = (dr.zeros(kind, dr.width(band.row)) for kind in (mi.Vector3f, mi.Color3f))
         differs = dr.zeros(mi.UInt32, dr.width(band.row))
         dr.make_opaque(mean_normal, mean_albedo, differs)  # Literal zeros would need a kernel of their own.
-        for i in range(SUBPIXELS):
-            for j in range(SUBPIXELS):
+        for i in range(subpixels):
+            for j in range(subpixels):
                 # Point by point, so that one small kernel serves all of them.
-                offset = mi.Point2f((i + 0.5) / SUBPIXELS, (j + 0.5) / SUBPIXELS)
+                offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
                 dr.make_opaque(offset)
                 one_normal, one_albedo, one_shape = _surface(prepared, rays(offset))
                 differs |= one_shape ^ middle
@@ -93,15 +93,17 @@ def render_auxiliary(
                 dr.eval(mean_normal, mean_albedo, differs)
         mean_normal *= dr.rsqrt(dr.maximum(dr.squared_norm(mean_normal), 1e-12))
         normal[band.rows] = mean_normal.numpy().T.reshape(*band.shape, 3)
-        albedo[band.rows] = (mean_albedo / SUBPIXELS**2).numpy().T.reshape(*band.shape, 3)
+        albedo[band.rows] = (mean_albedo / subpixels**2).numpy().T.reshape(*band.shape, 3)
         edge[band.rows] |= differs.numpy().reshape(band.shape) != 0
     square = np.ones((3, 3), np.uint8)
     edge |= cv2.dilate(shape, square) != cv2.erode(shape, square)
-    return Auxiliary(Mattes(*_coverage(view, prepared, shape, edge), *names), depth, normal, albedo)
+    return Auxiliary(
+        Mattes(*_coverage(view, prepared, shape, edge, parameters.edge_samples), *names), depth, normal, albedo
+    )
 
 
 def _coverage(
-    view: Viewpoint, prepared: Prepared, shape: NDArray[np.uint16], edge: NDArray[np.bool_]
+    view: Viewpoint, prepared: Prepared, shape: NDArray[np.uint16], edge: NDArray[np.bool_], edge_samples: int
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
     """Pixels, indices of shapes and shares, as :class:`Mattes` has them.
 
@@ -110,28 +112,29 @@ def _coverage(
         prepared: the scene.
         shape: 1 + index of the shape in the middle of each pixel, 0 for none, shape (height, width).
         edge: pixels that show several.
+        edge_samples: points in each of them.
     """
     inner = np.flatnonzero((shape > 0) & ~edge).astype(np.uint32)
     pixels, shapes = [inner], [shape.reshape(-1)[inner].astype(np.uint32) - 1]
     shares = [np.ones(len(inner), np.float32)]
     # In the pixel and on the lens; each coordinate takes all of its strata.
-    points = Sobol(4, scramble=False).random(EDGE_SAMPLES) + 0.5 / EDGE_SAMPLES
+    points = Sobol(4, scramble=False).random(edge_samples) + 0.5 / edge_samples
     stratified = [mi.Float(aligned(part)) for part in points.T]
     edges = np.flatnonzero(edge).astype(np.uint32)
     for first in range(0, len(edges), EDGES_AT_ONCE):
         some = edges[first : first + EDGES_AT_ONCE]
-        lane = dr.arange(mi.UInt32, len(some) * EDGE_SAMPLES)
-        pixel = dr.gather(mi.UInt32, mi.UInt32(aligned(some, np.uint32)), lane // EDGE_SAMPLES)
-        x, y, *lens = (dr.gather(mi.Float, part, lane % EDGE_SAMPLES) for part in stratified)
+        lane = dr.arange(mi.UInt32, len(some) * edge_samples)
+        pixel = dr.gather(mi.UInt32, mi.UInt32(aligned(some, np.uint32)), lane // edge_samples)
+        x, y, *lens = (dr.gather(mi.Float, part, lane % edge_samples) for part in stratified)
         column, row = mi.Float(pixel % view.resolution[0]), mi.Float(pixel // view.resolution[0])
         rays = view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(*lens))
         found = prepared.surfaces.all.ray_intersect_preliminary(rays.ray, coherent=True, active=rays.inside)
-        seen = _shapes(prepared, found, rays.inside).numpy().reshape(len(some), EDGE_SAMPLES)
+        seen = _shapes(prepared, found, rays.inside).numpy().reshape(len(some), edge_samples)
         pairs, count = np.unique((np.arange(len(some))[:, None] << 16) | seen.astype(np.int64), return_counts=True)
         there = (pairs & 0xFFFF) > 0
         pixels.append(some[pairs[there] >> 16])
         shapes.append(((pairs[there] & 0xFFFF) - 1).astype(np.uint32))
-        shares.append((count[there] / EDGE_SAMPLES).astype(np.float32))
+        shares.append((count[there] / edge_samples).astype(np.float32))
     order = np.argsort(np.concatenate(pixels), kind="stable")
     return np.concatenate(pixels)[order], np.concatenate(shapes)[order], np.concatenate(shares)[order]
 

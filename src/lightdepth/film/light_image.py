@@ -12,14 +12,11 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.film.sums import Share
+from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.transport.light_tracing import Connection, LightTracer, Splats
 from lightdepth.transport.sampler import Sampler, begin_path
 
-SHARE = 0.5
-"""Light paths per camera path."""
-AT_ONCE = 1 << 19
-"""Largest number of light paths in one block."""
 SEED = 0x6C696768
 """Combined with the seed of the rendering, so that light paths have random numbers of their own."""
 NOWHERE = np.uint32(0xFFFFFFFF)
@@ -34,6 +31,7 @@ class LightImage:
         pixels: row-major indices, ascending, shape (n,), uint32.
         seed: of the random numbers.
         share: trace the blocks of light paths of this share only.
+        parameters: how many, and how many at once.
 
     Attributes:
         begun: light paths of all shares so far, the index of the next one.
@@ -48,7 +46,9 @@ class LightImage:
         pixels: NDArray[np.uint32],
         seed: int,
         share: Share = Share(),  # noqa: B008 - it is immutable
+        parameters: FilmParameters = DEFAULT,
     ) -> None:
+        self._parameters = parameters
         self._share, self.begun, self.blocks = share, 0, 0
         self._light_tracer, self._view, self._seed = light_tracer, view, seed ^ SEED
         self._width, self._height = view.resolution
@@ -62,7 +62,7 @@ class LightImage:
 
     def paths_a_sample(self) -> mi.Float:
         """Light paths per camera path through one pixel."""
-        return dr.opaque(mi.Float, SHARE * len(self._squares))
+        return dr.opaque(mi.Float, self._parameters.light_paths_share * len(self._squares))
 
     def trace(self, lights: LightList, paths: int) -> list[Splats]:
         """Trace the light paths that belong to the next ``paths`` camera paths.
@@ -72,9 +72,9 @@ class LightImage:
         """
         seed, paths_a_sample = dr.opaque(mi.UInt32, self._seed), self.paths_a_sample()
         splats = []
-        left = math.ceil(SHARE * paths)
+        left = math.ceil(self._parameters.light_paths_share * paths)
         while left > 0:
-            count = min(left, AT_ONCE)
+            count = min(left, self._parameters.light_paths_at_once)
             if self.blocks % self._share.count == self._share.index:
                 first = dr.opaque(mi.UInt32, self.begun)
                 sampler = begin_path(mi.UInt32(0), first + dr.arange(mi.UInt32, count), seed)

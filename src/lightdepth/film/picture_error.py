@@ -11,29 +11,17 @@ from numpy.typing import NDArray
 from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.sampling import Sampling
 from lightdepth.film.shared_errors import (
-    CACHE_PROBES,
-    CACHE_SAMPLES,
-    LISTS,
     MEAN_TO_STANDARD,
-    PATHS_PER_SAMPLE,
-    PROBES,
     SharedErrors,
     difference_error,
     light_list_error,
 )
 from lightdepth.film.sums import Share
 from lightdepth.kernel.start import DEVICE_LOCK
+from lightdepth.parameters.film import FilmParameters
 from lightdepth.preparation import Prepared
 from lightdepth.transport.difference import DifferenceIntegrator
 
-DARK = 0.1
-"""Errors count relative to a pixel's brightness plus this share of the median: nobody sees noise in the dark."""
-SECONDS_BETWEEN_ERRORS = 0.5
-"""Shortest time between two estimates of the error for progress reports."""
-ERROR_SHARE = 0.05
-"""Largest share of the time that these estimates may take."""
-WORTH_SHARED = 0.05
-"""Errors that all pixels share are estimated once the pixels' own errors are below this: they are far smaller."""
 SHARED_SEED = 0x73686172
 """Seed of that estimate's own random numbers."""
 
@@ -47,16 +35,24 @@ class PictureError:
         accumulator: their sums.
         plate: the photograph at the pixels that are sampled, or at some of them, shape (k, 3), float32.
         seed: of the rendering.
+        parameters: how errors are estimated.
 
     Attributes:
         shared: the shared errors as last estimated.
     """
 
     def __init__(
-        self, prepared: Prepared, sampling: Sampling, accumulator: Accumulator, plate: NDArray[np.float32], seed: int
+        self,
+        prepared: Prepared,
+        sampling: Sampling,
+        accumulator: Accumulator,
+        plate: NDArray[np.float32],
+        seed: int,
+        parameters: FilmParameters,
     ) -> None:
+        self._parameters = parameters
         self._prepared, self._sampling, self._accumulator, self._seed = prepared, sampling, accumulator, seed
-        self._dark = DARK * float(np.median(plate.mean(axis=1))) + 1e-12 if len(plate) else 1.0
+        self._dark = parameters.dark * float(np.median(plate.mean(axis=1))) + 1e-12 if len(plate) else 1.0
         self.shared = SharedErrors()
         self._overall, self._known, self._due = 0.0, False, -math.inf
 
@@ -79,7 +75,9 @@ class PictureError:
         if started >= self._due:
             self.overall()
             ended = time.monotonic()
-            self._due = ended + max(SECONDS_BETWEEN_ERRORS, (ended - started) / ERROR_SHARE)
+            self._due = ended + max(
+                self._parameters.seconds_between_errors, (ended - started) / self._parameters.error_time_share
+            )
         return self._overall
 
     def own(self) -> NDArray[np.float32]:
@@ -115,17 +113,18 @@ class PictureError:
             share: whose pixels' own errors tell that.
         """
         spent, integrator = int(self._accumulator.taken.sum(dtype=np.int64)), self._prepared.integrator
-        count = len(self._accumulator.taken)
+        count, parameters = len(self._accumulator.taken), self._parameters
         if not isinstance(integrator, DifferenceIntegrator) or spent < 4 * self.shared.spent or not count:
             return
         own = self.own()[share.owns(np.arange(count))]
-        if not len(own) or float(np.sqrt(np.mean(np.square(own)))) > WORTH_SHARED:
+        if not len(own) or float(np.sqrt(np.mean(np.square(own)))) > parameters.worth_shared:
             return
         generator = np.random.default_rng([self._seed, SHARED_SEED, spent])
         with DEVICE_LOCK:
             _, brightness = self._accumulator.change_and_brightness(self._dark)
-            fewest, most = PROBES
-            probes = min(max(spent // (PATHS_PER_SAMPLE * LISTS * self._sampling.list_length), fewest), most)
+            samples = parameters.compared_lists * parameters.light_list_length
+            probes = max(spent // (parameters.paths_a_light_sample * samples), parameters.fewest_probes)
+            probes = min(probes, parameters.most_probes)
             # Lists err most where paths do, which may be few pixels.
             chance = np.square(self.own().astype(np.float64))
             chance = 0.5 * chance / max(float(chance.sum()), 1e-300) + 0.5 / len(chance)
@@ -138,7 +137,8 @@ class PictureError:
                 self._sampling.pixels[slots],
                 brightness[slots],
                 1.0 / (len(chance) * chance[slots]),
-                self._sampling.list_length,
+                parameters.light_list_length,
+                parameters.compared_lists,
                 generator,
             )
             self.shared = SharedErrors(light_list, self._cache(brightness, generator), spent)
@@ -146,17 +146,18 @@ class PictureError:
 
     def _cache(self, brightness: NDArray[np.float32], generator: np.random.Generator) -> float:
         """Relative error that the radiance cache gives pixels: how much they change with a perturbed cache."""
+        parameters = self._parameters
         cache, lights, pixels = self._sampling.cache, self._sampling.lights, self._sampling.pixels
         if cache is None or lights is None:
             return 0.0
-        slots = np.sort(generator.choice(len(pixels), min(CACHE_PROBES, len(pixels)), replace=False))
-        counts = np.full(len(slots), CACHE_SAMPLES)
+        slots = np.sort(generator.choice(len(pixels), min(parameters.cache_probes, len(pixels)), replace=False))
+        counts = np.full(len(slots), parameters.cache_samples)
         other = cache.perturbed(generator)
         differences = []
         for _ in range(2):
             first = generator.integers(1 << 32, size=len(slots))
             sums = [self._sampling.follow(lights, pixels[slots], first, counts, each) for each in (cache, other)]
             totals = [(each.change + each.synthetic).numpy().T for each in sums]
-            differences.append((totals[1] - totals[0]) / CACHE_SAMPLES)
+            differences.append((totals[1] - totals[0]) / parameters.cache_samples)
         now = difference_error(differences[0], differences[1], brightness[slots])
         return now * math.sqrt(self._sampling.cache_use.share(cache.records))

@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Viewpoint
 from lightdepth.film.schedule import Region
 
-NEIGHBOURS = 5
-"""Pixels across the square whose mean error decides how many samples the pixel in its middle gets."""
-
 
 class PixelList:
     """Some n pixels of a camera's image.
@@ -40,19 +37,23 @@ class PixelList:
         row, column = np.divmod(self.indices, np.uint32(self._width))
         return np.where((column >= left) & (column < right) & (row >= top) & (row < bottom), values, 0)
 
-    def around(self, error: NDArray[np.float32]) -> NDArray[np.float32]:
+    def around(self, error: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
         """Mean of the neighbours' errors, shape (n,).
 
         A single pixel's estimate from few samples is unreliable; and if it decided how many more samples the same pixel
         gets, the result would be biased.
+
+        Args:
+            error: of each pixel, shape (n,).
+            reach: how far to each side neighbours are, pixels.
         """
-        kernel = np.ones((NEIGHBOURS, NEIGHBOURS), np.float32)
-        kernel[NEIGHBOURS // 2, NEIGHBOURS // 2] = 0.0
+        kernel = np.ones((2 * reach + 1, 2 * reach + 1), np.float32)
+        kernel[reach, reach] = 0.0
         kernel /= kernel.sum()
         image, topology = self.scattered(error), self._topology
         around = np.empty_like(image)
         for chart in topology.charts:
-            window = topology.window(chart, chart, NEIGHBOURS // 2)
+            window = topology.window(chart, chart, reach)
             around[chart.slices] = cv2.filter2D(window.cut(image), -1, kernel)[window.inner]
         around = around.reshape(-1)
         return around if around.size == error.size else around[self.indices]

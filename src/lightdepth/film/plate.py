@@ -14,32 +14,33 @@ from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
+from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.place.feather import mask_feather
 from lightdepth.place.place import Place
 from lightdepth.preparation import Prepared
 from lightdepth.scene.identity import digest
 from lightdepth.scene.model import Panorama
 
-MOST_SUBPIXELS = 8
 SHARE_POINTS = 2
 """Along each side of a pixel, at which the photographs' shares are looked up."""
 KEPT, LARGEST_KEPT = 2, 1 << 22
 """Plates that a prepared place keeps, and pixels of the largest."""
-MOST_LENS_POINTS = 256
-FEWEST_LENS_POINTS = 64
-"""Powers of two, in which Sobol's sequence is even."""
 
 
 def kept_plate(
-    view: Viewpoint, panoramas: Sequence[Panorama], prepared: Prepared, draft: bool = False
+    view: Viewpoint,
+    panoramas: Sequence[Panorama],
+    prepared: Prepared,
+    draft: bool = False,
+    parameters: FilmParameters = DEFAULT,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """:func:`render_plate`, taken from the prepared place where it keeps it: objects play no part in it."""
     width, height = view.resolution
     if any(view.same_pixels(each.viewpoint) for each in panoramas) or width * height > LARGEST_KEPT:
-        return render_plate(view, panoramas, prepared.place, draft, prepared.gains)
-    plates, key = prepared.plates, digest(view, draft)
+        return render_plate(view, panoramas, prepared.place, draft, prepared.gains, parameters)
+    plates, key = prepared.plates, digest(view, draft, parameters)
     if key not in plates:
-        plates[key] = render_plate(view, panoramas, prepared.place, draft, prepared.gains)
+        plates[key] = render_plate(view, panoramas, prepared.place, draft, prepared.gains, parameters)
         while len(plates) > KEPT:
             plates.pop(next(iter(plates)))
     plate, alpha = plates[key]
@@ -52,6 +53,7 @@ def render_plate(
     place: Place,
     draft: bool = False,
     gains: NDArray[np.float32] | None = None,
+    parameters: FilmParameters = DEFAULT,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Resample what was photographed for a camera.
 
@@ -61,6 +63,7 @@ def render_plate(
         place: the same with their geometry.
         draft: one point in each pixel will do.
         gains: of each photograph, per channel, shape (k, 3); ``None`` is 1.
+        parameters: how many points at least and at most.
 
     Returns:
         ``(plate, alpha)``, shapes (height, width, 3) and (height, width), float32: radiance, black outside the
@@ -71,13 +74,13 @@ def render_plate(
     """
     own = next((index for index, each in enumerate(panoramas) if view.same_pixels(each.viewpoint)), None)
     if own is None:
-        return _resampled(view, place, draft)
+        return _resampled(view, place, draft, parameters)
     pixels, mask = panoramas[own].shown_radiance, panoramas[own].mask
     if gains is not None and not (gains[own] == 1.0).all():
         pixels = pixels * gains[own]
     if mask is None:
         return pixels, np.ones(pixels.shape[:2], np.float32)
-    around, alpha = _resampled(view, place, draft)
+    around, alpha = _resampled(view, place, draft, parameters)
     return np.where((mask_feather(mask) == 1.0)[..., None], pixels, around), alpha
 
 
@@ -105,16 +108,19 @@ def render_shares(view: Viewpoint, place: Place) -> NDArray[np.float32] | None:
     return shares / np.float32(SHARE_POINTS**2)
 
 
-def _resampled(view: Viewpoint, place: Place, draft: bool) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _resampled(
+    view: Viewpoint, place: Place, draft: bool, parameters: FilmParameters
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """The mean over points in each pixel, and the share of it inside the camera's image."""
     width, height = view.resolution
-    subpixels = 1 if draft else _subpixels(view, place)
+    subpixels = 1 if draft else _subpixels(view, place, parameters.most_plate_subpixels)
     grid = (np.arange(subpixels) + 0.5) / subpixels
     middle = np.full((subpixels, subpixels), 0.5)
     points = np.stack([*np.meshgrid(grid, grid, indexing="ij"), middle, middle], axis=-1).reshape(-1, 4)
     blurred = view.camera.has_aperture
     if blurred:
-        count = FEWEST_LENS_POINTS if draft else _lens_points(view, place)
+        fewest, most = parameters.fewest_lens_points, parameters.most_lens_points
+        count = fewest if draft else _lens_points(view, place, fewest, most)
         points = Sobol(4, rng=0).random(count)
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
@@ -150,15 +156,15 @@ def _blur(view: Viewpoint, place: Place, middle: CameraRays) -> mi.Float:
     return view.camera.blur(dr.select(hit.valid, depth, dr.inf))
 
 
-def _lens_points(view: Viewpoint, place: Place) -> int:
+def _lens_points(view: Viewpoint, place: Place, fewest: int, most: int) -> int:
     """Points of the lens for each pixel: about one for each pixel of the largest disk that a point is blurred to."""
     x, y = (mi.Float(aligned(grid)) for grid in np.meshgrid(np.linspace(0.05, 0.95, 16), np.linspace(0.05, 0.95, 16)))
     radius = _blur(view, place, view.rays(mi.Point2f(x, y), mi.Point2f(0.5)))
     needed = np.pi * float(np.max(radius.numpy())) ** 2
-    return int(np.clip(2 ** np.ceil(np.log2(max(needed, 1.0))), FEWEST_LENS_POINTS, MOST_LENS_POINTS))
+    return int(np.clip(2 ** np.ceil(np.log2(max(needed, 1.0))), fewest, most))
 
 
-def _subpixels(view: Viewpoint, place: Place) -> int:
+def _subpixels(view: Viewpoint, place: Place, most: int) -> int:
     """Points along each side of a pixel, so that they lie at most one pixel of the panorama apart."""
     _, height = view.resolution
     x = mi.Float(aligned(np.linspace(0.1, 0.9, 9).repeat(9)))
@@ -166,4 +172,4 @@ def _subpixels(view: Viewpoint, place: Place) -> int:
     seen = view.rays(mi.Point2f(x, y), mi.Point2f(0.5))
     beside = view.rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
     angle = float(np.max(dr.norm(seen.ray.d - beside.ray.d).numpy()))
-    return int(np.clip(np.ceil(angle * place.photograph.rows / np.pi), 2, MOST_SUBPIXELS))
+    return int(np.clip(np.ceil(angle * place.photograph.rows / np.pi), 2, most))

@@ -85,21 +85,25 @@ class Rendering:
         share: Share = Share(),  # noqa: B008 - it is immutable
     ) -> None:
         self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
-        self.share = share
+        self.share, self._parameters = share, scene.render.parameters.film
         with DEVICE_LOCK:
-            self.plate, self.alpha = kept_plate(view, scene.panoramas, prepared, draft=scene.render.draft)
+            self.plate, self.alpha = kept_plate(view, scene.panoramas, prepared, scene.render.draft, self._parameters)
             self.pixels = influenced_pixels(view, prepared)
             self._list = PixelList(view, self.pixels)
             plate = self.plate.reshape(-1, 3)
             light_tracer = prepared.integrator.light_tracer
-            self._light = None if light_tracer is None else LightImage(light_tracer, view, self.pixels, seed, share)
+            self._light = None
+            if light_tracer is not None:
+                self._light = LightImage(light_tracer, view, self.pixels, seed, share, self._parameters)
             self._accumulator = Accumulator(plate, self.pixels, self._light)
-            self._sampling = Sampling(prepared, view, self.pixels, self._accumulator, self._light, seed, share)
+            self._sampling = Sampling(
+                prepared, view, self.pixels, self._accumulator, self._light, seed, share, self._parameters
+            )
             some = plate[self.pixels[:: max(1, len(self.pixels) >> 16)]]
-            self.errors = PictureError(prepared, self._sampling, self._accumulator, some, seed)
+            self.errors = PictureError(prepared, self._sampling, self._accumulator, some, seed, self._parameters)
             # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
             dr.flush_malloc_cache()
-        self._allocation = Allocation(self._list, self._accumulator, self.errors)
+        self._allocation = Allocation(self._list, self._accumulator, self.errors, self._parameters)
         self._round: Round | None = None
         self._digests: tuple[str, str] | None = None
 
@@ -130,7 +134,7 @@ class Rendering:
             self._round = self._allocation.pilot_round(target)
         while True:
             this = self._round
-            for slots, counts in islice(passes(this.wanted), this.begun, None):
+            for slots, counts in islice(passes(this.wanted, self._parameters), this.begun, None):
                 self._sampling.take(slots, counts, everywhere=this.pilot)
                 self.errors.outdate()
                 this.begun += 1
@@ -152,7 +156,7 @@ class Rendering:
         """Samples that this process will have taken when all is done."""
         if self.share.count == 1:
             return max(this.total, 1)
-        pilot = pilot_samples(this.target.samples) * len(self.pixels)
+        pilot = pilot_samples(this.target.samples, self._parameters) * len(self.pixels)
         return max(pilot + (this.total - pilot) / self.share.count, 1)
 
     def complete(
@@ -212,7 +216,7 @@ class Rendering:
         )
         if auxiliary:
             names = shape_names(self._scene.synthetic)
-            seen = render_auxiliary(self._view, self._prepared, names, frame.coverage)
+            seen = render_auxiliary(self._view, self._prepared, names, frame.coverage, self._parameters)
             frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
             frame.photograph = render_shares(self._view, self._prepared.place)
             owners = [index for index, _ in self._prepared.shapes]

@@ -18,24 +18,12 @@ from lightdepth.film.shared_errors import CacheUse, ListUse
 from lightdepth.film.sums import Share
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.start import DEVICE_LOCK
+from lightdepth.parameters.film import FilmParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.preparation import Prepared
 from lightdepth.transport.integrator import CameraSums
 from lightdepth.transport.radiance_cache import RadianceCache
 from lightdepth.transport.sampler import Sampler, begin_path
-
-LIGHTS = 1 << 14
-"""Length of the presampled light list: it fits the processor's cache, since RIS candidates lie far apart in it."""
-LIGHTS_SERVE = 1 << 21
-"""Camera paths after which a new list is drawn."""
-TRAINING_SHARE = 0.1
-"""Training paths of the radiance cache, relative to the paths that estimate pixels."""
-FIRST_SHARE, FIRST_PATHS = 0.25, 1 << 15
-"""That share in the first pass, and the largest number of training paths then."""
-TRAINING_PATHS = 16
-"""Training paths per lane."""
-WORTH_TRAINING = 1 << 14
-"""Smallest number of training paths in a later pass."""
 
 
 class Sampling:
@@ -49,10 +37,10 @@ class Sampling:
         light: receives the splats of light tracing; ``None`` without.
         seed: of the random numbers.
         share: the part of the samples to take.
+        parameters: how they are taken.
 
     Attributes:
         pixels: as given.
-        list_length: light samples in a light list.
         lights: the present light list; ``None`` before the first.
         cache: the radiance cache, where the method has one.
         list_use: how the light lists have been used.
@@ -68,12 +56,14 @@ class Sampling:
         light: LightImage | None,
         seed: int,
         share: Share,
+        parameters: FilmParameters,
     ) -> None:
+        self._parameters = parameters
         self._prepared, self._view, self.pixels, self._seed, self._share = prepared, view, pixels, seed, share
         self._accumulator, self._light = accumulator, light
         self._width, _ = view.resolution
         self._generator = np.random.default_rng(seed)
-        self.list_length, self._lights_served = LIGHTS, 0
+        self._lights_served = 0
         self.lights: LightList | None = None
         self._lights_begun = self._generator.bit_generator.state
         self.cache = prepared.integrator.new_cache()
@@ -162,7 +152,7 @@ class Sampling:
             if header["lights_begun"] is not None:
                 generator = np.random.default_rng(0)
                 generator.bit_generator.state = self._lights_begun = header["lights_begun"]
-                self.lights = self._prepared.place.presample_lights(generator, self.list_length)
+                self.lights = self._prepared.place.presample_lights(generator, self._parameters.light_list_length)
             if self.cache is not None:
                 self.cache.restore({name: arrays[f"cache_{name}"] for name in self.cache.contents()})
         self._lights_served, self._trained = int(header["lights_served"]), bool(header["trained"])
@@ -174,8 +164,8 @@ class Sampling:
         """The light list for the next ``paths`` camera paths: a new one once the last has served enough."""
         if self.lights is None or self._lights_served <= 0:
             self._lights_begun = self._generator.bit_generator.state
-            self.lights = self._prepared.place.presample_lights(self._generator, self.list_length)
-            self._lights_served = LIGHTS_SERVE
+            self.lights = self._prepared.place.presample_lights(self._generator, self._parameters.light_list_length)
+            self._lights_served = self._parameters.light_list_paths
             self.list_use.next_list()
         self._lights_served -= paths
         return self.lights
@@ -184,15 +174,18 @@ class Sampling:
         """Follow the training paths that belong to the next ``paths`` that estimate pixels."""
         if self.cache is None:
             return
-        self._training_due += TRAINING_SHARE * paths
+        parameters, lane_paths = self._parameters, self._parameters.training_paths_a_lane
+        self._training_due += parameters.training_share * paths
         if not self._trained:
-            self._training_due = max(self._training_due, min(FIRST_SHARE * paths, FIRST_PATHS))
+            self._training_due = max(
+                self._training_due, min(parameters.first_training_share * paths, parameters.first_training_paths)
+            )
             self._trained = True
-        elif self._training_due < WORTH_TRAINING:
+        elif self._training_due < parameters.fewest_training_paths:
             return
-        lanes = math.ceil(self._training_due / TRAINING_PATHS)
+        lanes = math.ceil(self._training_due / lane_paths)
         self._training_due = 0.0
         pixels = self._generator.choice(self.pixels, lanes)
-        with self.cache.train(lanes * TRAINING_PATHS):
+        with self.cache.train(lanes * lane_paths):
             first = self._generator.integers(1 << 32, size=lanes)
-            self.follow(lights, pixels, first, np.full(lanes, TRAINING_PATHS), self.cache)
+            self.follow(lights, pixels, first, np.full(lanes, lane_paths), self.cache)

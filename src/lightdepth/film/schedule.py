@@ -10,19 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.parameters.film import DEFAULT, FilmParameters
 
-PATHS = 1 << 21
-"""Paths of one pass; more gain no speed."""
-AT_ONCE = 256
-"""Samples that a pixel gets at most before all others have theirs."""
 PACKET = 16
 """Lanes that run side by side, at most."""
-PACKET_DISTANCE = 64
-"""Packets that want equally many samples are at least so far apart, where there are enough."""
-PILOT_SAMPLES = 16
-"""Samples that every pixel gets, at most half of all, before the rest is spent where the error is."""
-QUANTUM = 4
-"""Further samples come in multiples of this."""
 Region = tuple[int, int, int, int]
 """Columns and rows of an image: left, top, right, bottom, the last two beyond it."""
 
@@ -69,25 +60,28 @@ class Round:
     pilot: bool = True
 
 
-def pilot_samples(samples: int) -> int:
+def pilot_samples(samples: int, parameters: FilmParameters = DEFAULT) -> int:
     """Pilot samples of every pixel out of ``samples`` per pixel; few are not worth distributing."""
-    return min(samples, max(QUANTUM, min(PILOT_SAMPLES, samples // 2)))
+    return min(samples, max(parameters.quantum, min(parameters.pilot_samples, samples // 2)))
 
 
-def passes(wanted: NDArray[np.int32]) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int32]]]:
+def passes(
+    wanted: NDArray[np.int32], parameters: FilmParameters = DEFAULT
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int32]]]:
     """Cut the samples wanted for each pixel into passes of bounded size: (indices into the list, samples for each).
 
     Lanes of a packet wait for each other, and so do processor cores: pixels that want equally many form packets, and
     packets that want many are distributed among the others.
     """
-    for begun in range(0, int(wanted.max(initial=0)), AT_ONCE):
-        for first in range(0, len(wanted), PATHS):
-            counts = np.clip(wanted[first : first + PATHS] - begun, 0, AT_ONCE)
+    most, at_once = parameters.paths_at_once, parameters.samples_at_once
+    for begun in range(0, int(wanted.max(initial=0)), at_once):
+        for first in range(0, len(wanted), most):
+            counts = np.clip(wanted[first : first + most] - begun, 0, at_once)
             order = np.argsort(-counts, kind="stable")[: np.count_nonzero(counts)]
             if not len(order):
                 continue
             packet = np.arange(len(order)) // PACKET
-            order = order[np.argsort((packet % PACKET_DISTANCE).astype(np.uint8), kind="stable")]
+            order = order[np.argsort((packet % parameters.packet_distance).astype(np.uint8), kind="stable")]
             paths = np.cumsum(counts[order], dtype=np.int64)
-            for part in np.array_split(order, np.searchsorted(paths, np.arange(PATHS, paths[-1], PATHS))):
+            for part in np.array_split(order, np.searchsorted(paths, np.arange(most, paths[-1], most))):
                 yield first + part, counts[part]

@@ -19,14 +19,6 @@ from lightdepth.kernel.arrays import aligned
 from lightdepth.place.place import Place
 from lightdepth.transport.difference import DifferenceIntegrator
 
-LISTS = 8
-"""Light lists that are compared."""
-PROBES = 8, 64
-"""Pixels in which that is done, at least and at most."""
-PATHS_PER_SAMPLE = 5
-"""Paths of the rendering per light sample of the estimate, which keeps it to a few percent of the time."""
-CACHE_PROBES, CACHE_SAMPLES = 512, 32
-"""Pixels in which two caches are compared, and paths in each."""
 MEAN_TO_STANDARD = math.sqrt(math.pi / 2.0)
 """Standard deviation of a normal distribution relative to its mean deviation."""
 
@@ -107,6 +99,7 @@ def light_list_error(
     brightness: NDArray[np.float32],
     weights: NDArray[np.float64],
     lights: int,
+    lists: int,
     generator: np.random.Generator,
 ) -> float:
     """Relative standard error that one light list gives the pixels' direct light, root mean square.
@@ -122,10 +115,11 @@ def light_list_error(
         brightness: that errors are relative to, shape (p,).
         weights: how much each pixel counts, 1 on average over the picture, shape (p,).
         lights: light samples of a list.
+        lists: how many are compared.
         generator: source of randomness.
     """
     count = dr.opaque(mi.UInt32, lights)
-    means = np.empty((LISTS, len(pixels), 3))
+    means = np.empty((lists, len(pixels), 3))
     for mean in means:
         samples = place.presample_lights(generator, lights)
         for first in range(0, len(pixels), 16):

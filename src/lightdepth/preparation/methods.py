@@ -69,6 +69,7 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
         prepared.real.glosses,
         settings.clamp_indirect,
         polished,
+        settings.parameters.transport,
     )
     spheres = [] if objects.bounds is None else objects.bounds.spheres
     irradiance = prepared.errors.report(spheres)
@@ -94,7 +95,10 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
     real = support_with_scale_factors(scene, modelled)
     surfaces = TracedSurfaces(real, [shape for _, shape in objects.shapes])
     place = Place(scene.panorama, surfaces, alone=True)
-    integrator = EnvpathIntegrator(place, surfaces, scene.panorama, objects.bounds, scene.render.max_bounces)
+    settings = scene.render
+    integrator = EnvpathIntegrator(
+        place, surfaces, scene.panorama, objects.bounds, settings.max_bounces, settings.parameters.transport
+    )
     return Prepared(
         place, surfaces, integrator, objects.shapes, IrradianceReport(len(real.vertices), math.nan, math.nan)
     )

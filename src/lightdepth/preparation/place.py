@@ -15,15 +15,14 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-import lightdepth
 from lightdepth.cancellation import raise_if_cancelled
 from lightdepth.errors import InputError, warn
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.gains import solve_gains
-from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
 from lightdepth.recovery.support_irradiance import IrradianceErrors, recover_irradiance
 from lightdepth.recovery.unseen_albedo import recover_unseen
@@ -33,7 +32,7 @@ from lightdepth.store import Store
 
 KEPT = 2
 """Prepared places that a process keeps."""
-CODE = ("kernel", "lightmap", "place", "preparation", "recovery", "scene/meshes")
+CODE = ("kernel", "lightmap", "parameters", "place", "preparation", "recovery", "scene/meshes")
 """Folders whose code decides what is recovered: a place that other code recovered is not the same."""
 ERROR_FIELDS = fields(IrradianceErrors)
 
@@ -61,7 +60,6 @@ def prepare_place(
     scene: Scene,
     infinite: bool = False,
     store: Store | None = None,
-    parameters: RecoveryParameters = DEFAULT,
 ) -> PreparedPlace:
     """Make the place of a scene ready. Its objects and cameras play no part.
 
@@ -69,11 +67,11 @@ def prepare_place(
     put into it otherwise; it is the same bit for bit.
 
     Args:
-        scene: the place, and ``seed``, ``irradiance_samples`` and ``draft`` of its settings.
+        scene: the place, and ``seed``, ``irradiance_samples``, ``draft`` and ``parameters`` of its settings.
         infinite: take every depth as infinite: the directional method.
         store: recovered places on disk; ``None`` goes without.
-        parameters: how carefully albedo and irradiance are recovered.
     """
+    parameters = scene.render.parameters.recovery
     key = _key(scene, infinite, parameters)
     with _lock:
         if key in _kept:
@@ -160,7 +158,7 @@ def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
 @cache
 def _code() -> str:
     """Digest of the version and of the code that recovers places: changed code must not get what the old one recovered."""
-    root, state = Path(lightdepth.__file__).parent, hashlib.sha256(metadata.version("lightdepth").encode())
+    root, state = Path(__file__).parents[1], hashlib.sha256(metadata.version("lightdepth").encode())
     for file in sorted(file for folder in CODE for file in (root / folder).rglob("*.py")):
         state.update(f"{file.relative_to(root)};".encode() + file.read_bytes())
     return state.hexdigest()

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from lightdepth.cancellation import raise_if_cancelled
 from lightdepth.kernel.arrays import aligned
+from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.place import Place
 from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
 from lightdepth.place.traced_surfaces import leave, shadow_ray
-from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 
 LANES = 1 << 21
 """Samples that are traced at once."""

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.recovery.irradiance import estimate_irradiance
 from lightdepth.recovery.mesh_refinement import Edges, RefinedMesh, close_marks, find_edges
-from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 
 
 def estimate_on_mesh(

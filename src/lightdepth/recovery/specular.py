@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.row_bands import bands
+from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.recovery.mesh_components import wind_toward_capture
-from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 from lightdepth.scene.meshes.geometry import face_areas, face_normals
 from lightdepth.scene.model import Gloss
 

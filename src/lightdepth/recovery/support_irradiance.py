@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.object_bounds import Sphere
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
@@ -19,7 +20,6 @@ from lightdepth.recovery.irradiance import estimate_irradiance
 from lightdepth.recovery.irradiance_mesh import estimate_on_mesh
 from lightdepth.recovery.mesh_components import separate, wind_toward_capture, with_refined
 from lightdepth.recovery.mesh_refinement import RefinedMesh
-from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 from lightdepth.recovery.vertex_grids import lay_out
 from lightdepth.scene.meshes.geometry import face_areas, face_normals
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned_columns
+from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
 from lightdepth.place.reflectance import GLOWING
@@ -19,7 +20,6 @@ from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.irradiance import estimate_irradiance
 from lightdepth.recovery.irradiance_mesh import estimate_again, estimate_on_mesh
 from lightdepth.recovery.mesh_components import separate, wind_toward_capture, with_refined
-from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 from lightdepth.recovery.vertex_grids import lay_out
 from lightdepth.scene.meshes.geometry import face_areas, face_normals
 

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 
+from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.recovery.mesh_refinement import RefinedMesh
-from lightdepth.recovery.parameters import DEFAULT, RecoveryParameters
 
 FINEST = 1 << 20
 """Parts of an edge beyond which no halving goes."""

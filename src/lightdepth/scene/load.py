@@ -129,7 +129,7 @@ def read_scene(
     if not tables.cameras and panorama.radiance.size:
         pano = Equirectangular(type="equirectangular", width=panorama.radiance.shape[1])
         cameras["pano"] = _camera_view(pano, pose)
-    render = RenderSettings() if tables.render is None else RenderSettings(**tables.render.model_dump())
+    render = RenderSettings() if tables.render is None else RenderSettings(**dict(tables.render))
     scene = Scene(
         panorama,
         tuple(real),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cameras import Equirectangular, Viewpoint
+from lightdepth.parameters import Parameters
 from lightdepth.scene.materials import Material
 
 
@@ -198,6 +199,7 @@ class RenderSettings:
         clamp_indirect: largest radiance that one indirect sample may bring; ``None`` (unbiased) clamps nothing.
         irradiance_samples: samples of each of two techniques at each point of support whose irradiance is recovered.
         draft: a quick look, without what takes longer to prepare than it takes to look.
+        parameters: the tuned constants.
     """
 
     samples: int = 64
@@ -207,6 +209,7 @@ class RenderSettings:
     clamp_indirect: float | None = None
     irradiance_samples: int = 1024
     draft: bool = False
+    parameters: Parameters = Parameters()  # noqa: RUF009 - it is immutable
 
 
 CameraView = Viewpoint

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from lightdepth.cameras import CameraSettings
+from lightdepth.parameters import Parameters
 from lightdepth.scene.animation import SequenceTable
 from lightdepth.scene.lights import LightSettings
 from lightdepth.scene.materials import MaterialSettings
@@ -171,6 +172,7 @@ class RenderTable(Table):
     seed: Whole = Field(default=0, ge=0, lt=2**32)
     clamp_indirect: Number | None = Field(default=None, gt=0.0)
     irradiance_samples: Whole = Field(default=1024, ge=16, le=1 << 20, multiple_of=2)
+    parameters: Parameters = Parameters()
 
 
 def _known_format(version: int) -> int:

@@ -18,29 +18,19 @@ from functools import reduce
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.place.light_list import LightList, LightSample
+from lightdepth.parameters.transport import DEFAULT, TransportParameters
+from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import Cones, ObjectBounds
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.reflectance import recovered_reflectance
 from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
-from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces, leave, select_hit, shadow_ray
+from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces, leave, select_hit
 from lightdepth.scene.model import Gloss
 from lightdepth.transport.integrator import CameraSamples, Integrator, Path
+from lightdepth.transport.light_sampling import LightSampling, Vertex, map_share, mis_weight
 from lightdepth.transport.light_tracing import LightTracer
 from lightdepth.transport.radiance_cache import NO_CELL, RadianceCache
-from lightdepth.transport.sampler import Sampler
-
-CANDIDATES = 8
-"""RIS candidates for each shadow ray; one is kept, in proportion to the light that would arrive unoccluded."""
-ROULETTE_DEPTH = 3
-"""Scatterings before Russian roulette by throughput begins."""
-LARGEST_SURVIVAL = 0.99
-SMALLEST_FOOTPRINT = 1.0
-"""Of a path, relative to a cache cell's area, where the cell's mean is used."""
-ROULETTE_GAIN, SMALLEST_REACH = 6.0, 0.75
-"""Between support surfaces, a path survives Russian roulette in proportion to the share of the hemisphere that objects
-fill: the factor on that share, and the smallest survival probability that comes of it."""
 
 
 @dataclass
@@ -56,31 +46,6 @@ class LastScattering:
     point: mi.Point3f
     pdf: mi.Float
     weight_samples: mi.Float
-
-
-@dataclass
-class Vertex:
-    """Where paths scatter.
-
-    Attributes:
-        point: world, metres.
-        normal: geometric, unit, world, on either side.
-        si: Mitsuba's description of synthetic surfaces.
-        material: its index, of synthetic surfaces.
-        support: scattering of support surfaces.
-        on_synthetic: which points are synthetic.
-        on_support: which are on support, relit or not.
-        in_difference: which are on support that is not relit.
-    """
-
-    point: mi.Point3f
-    normal: mi.Vector3f
-    si: mi.SurfaceInteraction3f
-    material: mi.UInt32
-    support: SupportScattering
-    on_synthetic: mi.Bool
-    on_support: mi.Bool
-    in_difference: mi.Bool
 
 
 @dataclass
@@ -112,6 +77,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             ``None``. Splats of light tracing need no such bound.
         targets: bounds of the objects that light paths are sent toward, or ``None`` for no light tracing; there is none
             either where materials have holes.
+        parameters: how paths are followed.
     """
 
     def __init__(
@@ -123,22 +89,30 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         glosses: Sequence[Gloss] = (),
         clamp_indirect: float | None = None,
         targets: ObjectBounds | None = None,
+        parameters: TransportParameters = DEFAULT,
     ) -> None:
         super().__init__(place, surfaces, bounds, max_bounces)
+        self.parameters = parameters
         self.lobes = SpecularLobes(glosses)
         self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
         self.has_relit = FaceKind.RELIT in surfaces.kinds
         self.has_support = FaceKind.SUPPORT in surfaces.kinds
-        # Light samples are shared between the map and synthetic emitters.
-        self.map_share = 0.5 if self.has_emitters else 1.0
         if bounds and targets and self.has_support and not surfaces.materials.have_holes:
             self.light_tracer = LightTracer(
-                place, surfaces, bounds, targets, self.lobes, self.max_bounces, self.map_share * CANDIDATES
+                place,
+                surfaces,
+                bounds,
+                targets,
+                self.lobes,
+                self.max_bounces,
+                map_share(self.has_emitters) * parameters.candidates,
+                parameters,
             )
+        self.light_sampling = LightSampling(place, surfaces, self.has_emitters, parameters, self.light_tracer)
 
     def new_cache(self) -> RadianceCache | None:
         """As the base says."""
-        return RadianceCache(self.bounds) if self.bounds is not None and self.has_support else None
+        return RadianceCache(self.bounds, self.parameters) if self.bounds is not None and self.has_support else None
 
     def begin(self, path: Path) -> DifferencePath:
         """As the base says."""
@@ -155,7 +129,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         radiance, throughput = mi.Color3f(path.radiance), mi.Color3f(path.throughput)
         active, difference, first = mi.Bool(path.active), mi.Bool(path.difference), mi.Bool(path.first)
         covered, depth, cell = mi.Bool(path.covered), mi.UInt32(path.depth), mi.UInt64(path.cell)
-        context = mi.BSDFContext()
+        context, parameters = mi.BSDFContext(), self.parameters
         bounds = self.bounds if self.has_support else None
 
         found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
@@ -202,10 +176,12 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         between_support = on_support & ~on_relit & ~first
         carried = dr.max(throughput)
         if cones is not None:
-            reach = dr.clip(ROULETTE_GAIN * dr.inv_two_pi * cones.solid_angle, SMALLEST_REACH, 1.0)
+            reach = dr.clip(
+                parameters.roulette_gain * dr.inv_two_pi * cones.solid_angle, parameters.smallest_reach, 1.0
+            )
             carried *= dr.select(between_support, reach, 1.0)
-        roulette = between_support | (depth >= ROULETTE_DEPTH)
-        survival = dr.select(roulette, dr.clip(carried, 0.0, LARGEST_SURVIVAL), 1.0)
+        roulette = between_support | (depth >= parameters.roulette_depth)
+        survival = dr.select(roulette, dr.clip(carried, 0.0, parameters.largest_survival), 1.0)
         active &= sampler.next_1d(active) < survival
         throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
@@ -216,12 +192,12 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, directed, specular_scale)
         vertex = Vertex(point, normal, si, material, support, active & on_synthetic, active & on_support, in_difference)
 
-        # Light sampling, section 2. In difference mode the result depends on whether the one shadow ray is blocked, so
-        # its candidates count as one sample.
-        weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
-        radiance += throughput * self._direct(
-            sampler, lights, context, vertex, active & scatters, first, weight_samples, path
+        # Light sampling, and what it counts as where the next direction meets light.
+        weight_samples = self.light_sampling.weight_samples(in_difference)
+        direct = self.light_sampling.direct(
+            sampler, lights, context, vertex, active & scatters, first, weight_samples, path.pdf_ratio
         )
+        radiance += throughput * self._clamped(direct, path.depth)
 
         # The next direction.
         choice, x, y = sampler.direction(first, active)
@@ -302,14 +278,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             on_support,
             in_difference,
         )
-        light = lights.sample(u, active)
-        direction, distance, pdf = self.place.toward(light, point)
-        value, scattering_pdf = self._scattering(mi.BSDFContext(), vertex, direction, active)
-        weight_samples = self.map_share * dr.select(in_difference, 1.0, float(CANDIDATES))
-        value *= light.radiance * (_mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20))
-        useful = (on_synthetic | on_support) & (pdf > 0.0) & (dr.max(value) > 0.0)
-        value *= self._visible(vertex, light, direction, distance, mi.Bool(True), in_difference, useful)
-        return dr.select(useful, value, 0.0)
+        return self.light_sampling.single(lights, u, vertex, active)
 
     # -- The terms ----------------------------------------------------------------------------------------------
 
@@ -339,7 +308,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         distance = dr.norm(hit.point - last.point)
         values = []
         for radiance, pdf, finite in self.place.arriving(ray, hit, distance, wanted):
-            value = self._clamped(radiance * _mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
+            value = self._clamped(radiance * mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
             if self.light_tracer is not None:
                 light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
                 # Light tracing needs a vertex between the light and what the camera sees.
@@ -371,7 +340,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         here, edge = cache.cell(hit.point, hit.normal)
         cosine = dr.maximum(-dr.dot(hit.normal, path.ray.d), 1e-3)
         footprint = dr.square(hit.distance) / (path.smallest_pdf * cosine)
-        wide = ~path.first & (footprint > SMALLEST_FOOTPRINT * dr.square(edge))
+        wide = ~path.first & (footprint > self.parameters.smallest_footprint * dr.square(edge))
         eligible = on_support & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0) & wide
         trains = cache.training & (path.cell == NO_CELL)
         cached, mean = cache.look_up(here, eligible & ~trains)
@@ -392,7 +361,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         reference.p = last.point
         sampled = mi.DirectionSample3f(self.surfaces.all, si, reference)
         pdf = self.surfaces.all.pdf_emitter_direction(reference, sampled, shines & ~first)
-        weight = dr.select(first, 1.0, _mis_weight(last.pdf, pdf * (1.0 - self.map_share)))
+        weight = dr.select(first, 1.0, mis_weight(last.pdf, pdf * (1.0 - self.light_sampling.map_share)))
         return dr.select(shines, self._clamped(emitter.eval(si, shines) * weight, depth), 0.0)
 
     def _has_holes(self, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
@@ -407,191 +376,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             return mi.Color3f(0.0), mi.Color3f(0.0)
         return recovered_reflectance(self.place, self.surfaces, hit, direction, active)
 
-    def _direct(
-        self,
-        sampler: Sampler,
-        lights: LightList,
-        context: mi.BSDFContext,
-        vertex: Vertex,
-        active: mi.Bool,
-        first: mi.Bool,
-        weight_samples: mi.Float,
-        path: DifferencePath,
-    ) -> mi.Color3f:
-        """Light sampling at a vertex: of the map, or of synthetic emitters.
-
-        Args:
-            sampler: random numbers of the paths.
-            lights: light samples of the map.
-            context: for the BSDFs.
-            vertex: where the paths are.
-            active: which of them take a sample.
-            first: which of them are at their first vertex.
-            weight_samples: how many light samples of the map the one taken counts as in MIS.
-            path: the paths up to there.
-        """
-        u = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
-        from_map = mi.Bool(True)
-        if self.has_emitters:
-            from_map = u < self.map_share
-            u = dr.select(from_map, u / self.map_share, u)
-        u_select = dr.select(first, sampler.stratified("candidate")[0], sampler.next_1d(active))
-        u, gain = self._resampled(lights, context, vertex, active & from_map, u, u_select, weight_samples)
-        light = lights.sample(u, active & from_map)
-        direction, distance, map_pdf = self.place.toward(light, vertex.point)
-        mis_pdf, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * CANDIDATES)
-        radiance = light.radiance * gain * self.place.transmittance(light, vertex.point)
-        if self.has_emitters:
-            reference = dr.zeros(mi.SurfaceInteraction3f)
-            reference.p, reference.n = vertex.point, vertex.normal
-            position = mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
-            sampled, weight = self.surfaces.all.sample_emitter_direction(reference, position, False, active & ~from_map)
-            direction = dr.select(from_map, direction, sampled.d)
-            distance = dr.select(from_map, distance, sampled.dist)
-            pdf = dr.select(from_map, pdf, sampled.pdf * (1.0 - self.map_share))
-            mis_pdf = dr.select(from_map, mis_pdf, pdf)
-            radiance = dr.select(from_map, radiance, weight * sampled.pdf)
-
-        value, scattering_pdf = self._scattering(context, vertex, direction, active)
-        value *= radiance * (_mis_weight(mis_pdf, scattering_pdf) / dr.maximum(pdf, 1e-20))
-        if self.light_tracer is not None:
-            camera_weight = self.light_tracer.camera_weight(
-                path.pdf_ratio, light.position, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
-            )
-            value *= dr.select(vertex.on_synthetic & from_map & ~first, camera_weight, 1.0)
-        useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
-        value *= self._visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
-        return dr.select(useful, self._clamped(value, path.depth), 0.0)
-
-    @dr.syntax
-    def _resampled(
-        self,
-        lights: LightList,
-        context: mi.BSDFContext,
-        vertex: Vertex,
-        active: mi.Bool,
-        u: mi.Float,
-        u_select: mi.Float,
-        weight_samples: mi.Float,
-    ) -> tuple[mi.Float, mi.Float]:
-        """Resampled importance sampling (Talbot et al. 2005) of one light sample of the map out of several candidates.
-
-        The target is the unoccluded contribution. The sum over the candidates is kept in expectation, and only one
-        shadow ray is traced. On support, a candidate whose direction misses all objects' bounds has target 0.
-
-        Args:
-            lights: light samples of the map.
-            context: for the BSDFs.
-            vertex: where light arrives.
-            active: which paths take a sample.
-            u: uniform random number that picks the candidates, one in each of as many equal parts of the list.
-            u_select: uniform random number that picks one among them.
-            weight_samples: how many light samples of the map the one taken counts as in MIS.
-
-        Returns:
-            The ``u`` of the candidate for :meth:`LightList.sample`, and the factor on its contribution.
-        """
-        kept, kept_target, total = mi.Float(u), mi.Float(0.0), mi.Float(0.0)
-        u_select = mi.Float(u_select)
-        candidate = mi.UInt32(0)
-        while candidate < CANDIDATES:
-            u_candidate = (u + mi.Float(candidate)) * (1.0 / CANDIDATES)
-            light = lights.outline(u_candidate, active)
-            direction, _, pdf = self.place.toward(light, vertex.point)
-            value, scattering_pdf = self._scattering(context, vertex, direction, active)
-            weight = _mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20)
-            counts = (pdf > 0.0) & (~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction))
-            weight *= self.place.likelihood(light, vertex.point)
-            target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
-            total += target
-            # One random number serves all candidates: rescaled after each decision, it is uniform again.
-            share = target / dr.maximum(total, 1e-30)
-            taken = u_select < share
-            u_select = dr.select(taken, u_select, u_select - share)
-            u_select /= dr.maximum(dr.select(taken, share, 1.0 - share), 1e-12)
-            kept, kept_target = dr.select(taken, u_candidate, kept), dr.select(taken, target, kept_target)
-            candidate += 1
-        return kept, dr.select(kept_target > 0.0, total / dr.maximum(kept_target, 1e-30), 0.0)
-
-    def _scattering(
-        self, context: mi.BSDFContext, vertex: Vertex, direction: mi.Vector3f, active: mi.Bool
-    ) -> tuple[mi.Color3f, mi.Float]:
-        """``f |cos|`` and the density per steradian of scattering toward directions, on new surfaces and support."""
-        on_synthetic = vertex.on_synthetic & active
-        bsdf_value, bsdf_pdf = self.surfaces.materials.eval_pdf(
-            vertex.material, context, vertex.si, vertex.si.to_local(direction), on_synthetic
-        )
-        support_value, support_pdf = vertex.support.evaluate(direction)
-        return (
-            dr.select(vertex.on_synthetic, bsdf_value, support_value),
-            dr.select(vertex.on_synthetic, bsdf_pdf, support_pdf),
-        )
-
-    def _visible(
-        self,
-        vertex: Vertex,
-        light: LightSample,
-        direction: mi.Vector3f,
-        distance: mi.Float,
-        from_map: mi.Bool,
-        inverted: mi.Bool,
-        active: mi.Bool,
-    ) -> mi.Float:
-        """Signed visibility of light samples.
-
-        A light sample ``l`` counts where it is what the vertex sees: where no other real surface stands between. At a
-        synthetic point it is lost if something new stands between; at a support point in difference mode that is just
-        when it counts, as ``-M(l)``. So the new surfaces are tested first, and the real ones only where it matters.
-
-        Args:
-            vertex: where light arrives.
-            light: the samples of the map.
-            direction: toward the samples, unit, world.
-            distance: to them, metres.
-            from_map: which are samples of the map; the others lie on synthetic emitters.
-            inverted: which count where they are blocked.
-            active: which are wanted.
-        """
-        ray = shadow_ray(vertex.point, vertex.normal, direction, distance)
-        passed = self._transmittance(ray, active)
-        share = dr.select(inverted, passed - 1.0, passed)
-        if self.has_relit:
-            share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)
-        return share & self.place.unblocked(light, ray, active & (share != 0.0))
-
-    def _transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
-        """Share of light that passes all synthetic surfaces along shadow rays."""
-        if not self.surfaces.has_synthetic:
-            return mi.Float(1.0)
-        if self.surfaces.materials.have_holes:
-            return self._masked_transmittance(ray, active)
-        return dr.select(self.surfaces.synthetic.ray_test(ray, coherent=False, active=active), 0.0, 1.0)
-
-    @dr.syntax
-    def _masked_transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
-        """The same where materials have holes: from surface to surface."""
-        materials = self.surfaces.materials
-        ray, active, passed = mi.Ray3f(ray), mi.Bool(active), mi.Float(1.0)
-        while active:
-            si = self.surfaces.synthetic.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
-            active &= si.is_valid()
-            transmission = materials.null_transmission(materials.index(si, active), si, active)
-            passed *= dr.select(active, dr.mean(transmission), 1.0)
-            active &= passed > 0.0
-            remaining = ray.maxt - si.t
-            ray = leave(si.p, si.n, ray.d, remaining)
-        return passed
-
     def _clamped(self, value: mi.Color3f, depth: mi.UInt32) -> mi.Color3f:
         """Indirect light clamped to the user's bound, where there is one."""
         if self.clamp is None:
             return value
         scale = dr.minimum(1.0, self.clamp / dr.maximum(dr.max(dr.abs(value)), 1e-20))
         return dr.select(depth > 1, value * scale, value)
-
-
-def _mis_weight(pdf: mi.Float, other: mi.Float) -> mi.Float:
-    """Power heuristic; 1 where ``pdf`` is 0, which marks directions that no other technique can draw."""
-    squared = dr.square(pdf)
-    weight = squared / (squared + dr.square(other))
-    return dr.select(pdf > 0.0, weight, 1.0)

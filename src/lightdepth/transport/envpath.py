@@ -19,6 +19,7 @@ from lightdepth.directions import pixel_solid_angles
 from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
+from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import ObjectBounds
 from lightdepth.place.place import Place
@@ -28,14 +29,6 @@ from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Panorama, Scene
 from lightdepth.transport.integrator import CameraSamples, Integrator, Path
 from lightdepth.transport.radiance_cache import RadianceCache
-
-LIGHTS = 256
-"""K, the lights of the median cut (paper, section 5.5)."""
-LONGEST_EDGE = 0.25
-"""Metres; support meshes are cut this fine, since the scale factor is known at vertices only."""
-SMALLEST_SHARE = 1e-3
-"""Smallest denominator of eq. 8, as a share of its numerator: vertices that hardly any light faces."""
-ROULETTE_DEPTH, LARGEST_SURVIVAL = 3, 0.95
 
 
 def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurfaces:
@@ -48,12 +41,13 @@ def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurf
     chosen = surfaces.receiving
     if not chosen.any():
         return surfaces
+    parameters = scene.render.parameters.transport
     light_depth_map = build_light_depth_map(scene)
-    lights = median_cut(scene.panorama.light_radiance, light_depth_map.depth, LIGHTS)
+    lights = median_cut(scene.panorama.light_radiance, light_depth_map.depth, parameters.envpath_lights)
     vertices, faces, parent = trimesh.remesh.subdivide_to_size(
         surfaces.vertices[surfaces.faces[chosen]].reshape(-1, 3),
         np.arange(3 * int(chosen.sum())).reshape(-1, 3),
-        LONGEST_EDGE,
+        parameters.envpath_longest_edge,
         max_iter=20,
         return_index=True,
     )
@@ -64,7 +58,15 @@ def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurf
     # Every face has vertices of its own: the scale factor jumps where the normal does.
     corners = vertices[faces].reshape(-1, 3)
     corner_normals = np.repeat(np.where(away[:, None], -normals, normals), 3, axis=0)
-    factors = _scale_factors(corners, corner_normals, scene.panorama, lights.position, lights.direction, lights.power)
+    factors = _scale_factors(
+        corners,
+        corner_normals,
+        scene.panorama,
+        lights.position,
+        lights.direction,
+        lights.power,
+        parameters.envpath_smallest_share,
+    )
     offset = len(surfaces.vertices)
     own_nodes = len(surfaces.irradiance) + 3 * np.arange(len(faces))
     return replace(
@@ -90,6 +92,7 @@ def _scale_factors(
     positions: NDArray[np.float64],
     directions: NDArray[np.float64],
     powers: NDArray[np.float64],
+    smallest_share: float,
 ) -> NDArray[np.float64]:
     """``ES(p, n)`` of eq. 8 at points of support surfaces, shape (n,).
 
@@ -100,6 +103,7 @@ def _scale_factors(
         positions: of the lights, light space, metres, shape (k, 3); not finite where the light is sky.
         directions: of the lights from the capture point, light space, shape (k, 3).
         powers: of the lights, RGB, shape (k, 3).
+        smallest_share: smallest denominator, as a share of the numerator.
     """
     power = powers @ LUMINANCE
     facing = np.zeros(len(points))
@@ -111,7 +115,7 @@ def _scale_factors(
             toward = np.broadcast_to(panorama.rotation @ direction, points.shape)
         facing += weight * np.maximum(np.einsum("ij,ij->i", toward, normals), 0.0)
     total = power.sum()
-    return total / np.maximum(facing, SMALLEST_SHARE * total)
+    return total / np.maximum(facing, smallest_share * total)
 
 
 @dataclass
@@ -140,6 +144,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         panorama: the photograph.
         bounds: the objects' bounds, or ``None`` without objects.
         max_bounces: ``MaxLength`` of algorithm 1, in scatterings; negative for no limit.
+        parameters: how paths are followed.
     """
 
     def __init__(
@@ -149,8 +154,10 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         panorama: Panorama,
         bounds: ObjectBounds | None = None,
         max_bounces: int = 8,
+        parameters: TransportParameters = DEFAULT,
     ) -> None:
         super().__init__(place, surfaces, bounds, max_bounces)
+        self.parameters = parameters
         self._capture = mi.Vector3f(as_point(panorama.position))
         self._to_light = as_matrix(panorama.rotation.T)
         angles = pixel_solid_angles(*panorama.radiance.shape[:2])
@@ -257,7 +264,8 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         previous = point
         first = mi.Bool(False)
         depth += 1
-        survival = dr.select(depth >= ROULETTE_DEPTH, dr.clip(dr.max(throughput), 0.0, LARGEST_SURVIVAL), 1.0)
+        survival = dr.clip(dr.max(throughput), 0.0, self.parameters.envpath_largest_survival)
+        survival = dr.select(depth >= self.parameters.envpath_roulette_depth, survival, 1.0)
         active &= sampler.next_1d(active) < survival
         throughput *= dr.rcp(dr.maximum(survival, 1e-6))
         active &= dr.max(throughput) > 0.0

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import ObjectBounds
 from lightdepth.place.place import Place
@@ -21,12 +22,6 @@ from lightdepth.place.reflectance import recovered_reflectance
 from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
 from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
 from lightdepth.transport.sampler import Sampler
-
-ROULETTE_DEPTH = 4
-"""Scatterings on objects before Russian roulette begins."""
-LARGEST_SURVIVAL = 0.95
-CONNECTION_PROBABILITY = 0.5
-"""Probability that a path which comes from one object to another ends there and is connected to the camera."""
 
 
 @dataclass
@@ -110,6 +105,7 @@ class LightTracer:
         lobes: the specular lobes of the support.
         max_bounces: scatterings, the last one included, that a path may have.
         light_samples: how many light samples of the map those of camera paths at an object count as in MIS.
+        parameters: how paths are followed.
     """
 
     def __init__(
@@ -121,9 +117,10 @@ class LightTracer:
         lobes: SpecularLobes,
         max_bounces: mi.UInt32,
         light_samples: float,
+        parameters: TransportParameters = DEFAULT,
     ) -> None:
         self.place, self.surfaces, self.bounds, self.targets, self.lobes = place, surfaces, bounds, targets, lobes
-        self.max_bounces, self.light_samples = max_bounces, light_samples
+        self.max_bounces, self.light_samples, self.parameters = max_bounces, light_samples, parameters
 
     # -- Multiple importance sampling ----------------------------------------------------------------------------
 
@@ -247,7 +244,7 @@ class LightTracer:
         material = materials.index(si, on_synthetic)
         smooth = mi.has_flag(materials.flags(material, on_synthetic), mi.BSDFFlags.Smooth)
         may_connect = on_synthetic & ~first & smooth
-        connects = may_connect & (sampler.next_1d(active) < CONNECTION_PROBABILITY)
+        connects = may_connect & (sampler.next_1d(active) < self.parameters.connection_probability)
         arrived = (on_real & ~first) | connects
         choice, position = sampler.next_1d(active), mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
         drawn, weight = materials.sample(material, context, si, choice, position, on_synthetic)
@@ -264,15 +261,17 @@ class LightTracer:
         light_pdf = path.light_density * dr.select(path.finite, dr.squared_norm(si.p - ray.o), 1.0)
         pdf_ratio = path.pdf_ratio * dr.select(first, self._scattered_share(scattering_pdf, light_pdf), 1.0)
 
-        survival = dr.clip(dr.max(weight), 0.0, LARGEST_SURVIVAL)
-        survival = dr.select(path.scatterings >= ROULETTE_DEPTH, survival, 1.0)
+        survival = dr.clip(dr.max(weight), 0.0, self.parameters.light_largest_survival)
+        survival = dr.select(path.scatterings >= self.parameters.light_roulette_depth, survival, 1.0)
         scattered = (
             on_synthetic & ~connects & (dr.max(scattered_flux) > 0.0) & (path.scatterings + 2 <= self.max_bounces)
         )
         scattered &= sampler.next_1d(active) < survival
-        scattered_flux *= dr.rcp(dr.maximum(survival, 1e-6) * dr.select(may_connect, 1.0 - CONNECTION_PROBABILITY, 1.0))
+        scattered_flux *= dr.rcp(
+            dr.maximum(survival, 1e-6) * dr.select(may_connect, 1.0 - self.parameters.connection_probability, 1.0)
+        )
         flux = dr.select(scattered, scattered_flux, path.flux)
-        flux *= dr.select(connects, 1.0 / CONNECTION_PROBABILITY, 1.0)
+        flux *= dr.select(connects, 1.0 / self.parameters.connection_probability, 1.0)
         onward = leave(si.p, si.n, direction)
         still = mi.Bool(scattered)
         if self.place.infinite:

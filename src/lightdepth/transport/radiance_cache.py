@@ -18,21 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned, aligned_empty
+from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.object_bounds import ObjectBounds
 
-EDGE = 0.5
-"""Edge of a cell, at most, relative to the distance to the nearest object."""
-SMALLEST_EDGE, LARGEST_EDGE = 0.001, 4.0
-"""Metres."""
 FEWEST_ENTRIES = 2
 """Entries of the cache, padded with an empty one if necessary: a lookup in a single entry needs a kernel of its own,
 which takes a second to compile."""
 COORDINATE_BITS, FACING_BITS = 18, 3
 LEVEL_OFFSET = 16
 NO_CELL = 0
-NEIGHBOURS_COUNT = 4.0
-"""Cells are read as if they had this many more records, equal to the mean of their block of two by two by two: most have
-few of their own at first, and some none."""
 CORNERS = np.array(
     [sum(((corner >> axis) & 1) << (FACING_BITS + axis * COORDINATE_BITS) for axis in range(3)) for corner in range(8)],
     np.uint64,
@@ -45,13 +39,14 @@ class RadianceCache:
 
     Args:
         bounds: of the objects: cells are small where these are near.
+        parameters: how large, and how much they take from their neighbours.
 
     Attributes:
         training: whether the paths that are followed are training paths, which estimate nothing for their pixels.
     """
 
-    def __init__(self, bounds: ObjectBounds) -> None:
-        self._bounds = bounds
+    def __init__(self, bounds: ObjectBounds, parameters: TransportParameters = DEFAULT) -> None:
+        self._bounds, self._parameters = bounds, parameters
         self._cells = np.zeros(0, np.uint64)
         self._sums = np.zeros((0, 3))
         self._records = np.zeros(0, np.int64)
@@ -97,7 +92,9 @@ class RadianceCache:
         within = np.maximum(self._squares - np.square(grey) / count, 0.0)
         pooled = float(within.sum() / max(float((self._records - 1).sum()), 1.0))
         # Shrunk toward the pooled variance by as many records as the block counts for.
-        variance = (within + NEIGHBOURS_COUNT * pooled) / (np.maximum(count - 1, 0) + NEIGHBOURS_COUNT)
+        variance = (within + self._parameters.neighbours_count * pooled) / (
+            np.maximum(count - 1, 0) + self._parameters.neighbours_count
+        )
         other = copy(self)
         other._sums = self._sums + (generator.standard_normal(len(count)) * np.sqrt(variance * count))[:, None]
         other._upload()
@@ -110,7 +107,10 @@ class RadianceCache:
             point: world, metres.
             normal: unit, world; surfaces that face apart have cells of their own.
         """
-        longest = dr.clip(EDGE * self._bounds.detail(point), SMALLEST_EDGE, LARGEST_EDGE)
+        parameters = self._parameters
+        longest = dr.clip(
+            parameters.cell_edge * self._bounds.detail(point), parameters.smallest_cell, parameters.largest_cell
+        )
         level = dr.floor(dr.log2(longest))
         edge = dr.exp2(level)
         key = mi.UInt64(mi.UInt32(mi.Int32(level) + LEVEL_OFFSET))
@@ -188,8 +188,8 @@ class RadianceCache:
         size = max(len(cells), FEWEST_ENTRIES)
         means, keys = aligned_empty((size, 4)), np.zeros(size, np.uint64)
         means[:] = 0.0
-        means[: len(cells), :3] = sums + NEIGHBOURS_COUNT * around[block]
-        means[: len(cells), :3] /= (records + NEIGHBOURS_COUNT)[:, None]
+        means[: len(cells), :3] = sums + self._parameters.neighbours_count * around[block]
+        means[: len(cells), :3] /= (records + self._parameters.neighbours_count)[:, None]
         keys[: len(cells)] = cells
         self._means = mi.Float(means.reshape(-1))
         self._keys = mi.UInt64(aligned(keys, np.uint64))

@@ -1,11 +1,13 @@
-"""The constants of the recovery that were tuned, in one place: a benchmark varies them without patching modules."""
+"""The tuned constants of the recovery of albedo and irradiance."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from pydantic.dataclasses import dataclass
+
+from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Share
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=CHECKED)
 class RecoveryParameters:
     """How carefully albedo and irradiance are recovered. Every one is part of the key of a cached place.
 
@@ -49,43 +51,43 @@ class RecoveryParameters:
         mirrored_blur: pixels across the square in which its noise is shared.
     """
 
-    light_samples: int = 1 << 16
-    lights_per_sample: int = 256
-    interpolation_tolerance: float = 0.01
-    noise_tolerance: float = 2.5
-    levels: int = 6
-    most_vertices: int = 40_000
-    vertices_a_sample: int = 240
-    shortest_edge: float = 0.01
-    coarsest_edge: float = 1 / 10
-    dark: float = 1e-3
-    check_points: int = 1024
-    check_samples: int = 2
-    triangle_cost: int = 8
-    far_from_best: float = 1.5
-    unseen_points: int = 2048
-    unseen_share: float = 1e-3
-    unseen_rounds: int = 3
-    unseen_mesh_samples: int = 16
-    unseen_tolerance: float = 0.04
-    unseen_samples: int = 64
-    unseen_vertex_samples: int = 1 << 20
-    unseen_fewest_samples: int = 8
-    unseen_pairs: int = 1 << 21
-    unseen_fewest_seen: int = 16
-    same_plane: float = 0.1
-    parallel: float = 0.95
-    same_plane_weight: float = 100.0
-    alike: float = 8.0
-    glowing_share: float = 0.1
-    largest_albedo: float = 1.0
-    smallest_albedo: float = 1e-3
-    gloss_points: int = 4096
-    gloss_samples: int = 128
-    gloss_broken: float = 0.05
-    mirrored_height: int = 512
-    mirrored_samples: int = 32
-    mirrored_blur: int = 3
+    light_samples: Count = 1 << 16
+    lights_per_sample: Count = 256
+    interpolation_tolerance: NotNegative = 0.01
+    noise_tolerance: NotNegative = 2.5
+    levels: Depth = 6
+    most_vertices: Count = 40_000
+    vertices_a_sample: Count = 240
+    shortest_edge: Positive = 0.01
+    coarsest_edge: Positive = 1 / 10
+    dark: NotNegative = 1e-3
+    check_points: Count = 1024
+    check_samples: Count = 2
+    triangle_cost: Count = 8
+    far_from_best: Positive = 1.5
+    unseen_points: Count = 2048
+    unseen_share: Share = 1e-3
+    unseen_rounds: Depth = 3
+    unseen_mesh_samples: Count = 16
+    unseen_tolerance: NotNegative = 0.04
+    unseen_samples: Count = 64
+    unseen_vertex_samples: Count = 1 << 20
+    unseen_fewest_samples: Count = 8
+    unseen_pairs: Count = 1 << 21
+    unseen_fewest_seen: Count = 16
+    same_plane: NotNegative = 0.1
+    parallel: Share = 0.95
+    same_plane_weight: Positive = 100.0
+    alike: Positive = 8.0
+    glowing_share: Share = 0.1
+    largest_albedo: Share = 1.0
+    smallest_albedo: Share = 1e-3
+    gloss_points: Count = 4096
+    gloss_samples: Count = 128
+    gloss_broken: Share = 0.05
+    mirrored_height: Count = 512
+    mirrored_samples: Count = 32
+    mirrored_blur: Count = 3
 
 
 DEFAULT = RecoveryParameters()

@@ -1,0 +1,34 @@
+"""The constants that were tuned, all of them, and why each has its value: a benchmark varies them without patching modules.
+
+They are part of a scene's settings (``[render.parameters]`` in its file), and so of every digest of a scene: sums,
+checkpoints, frames and cached places of different parameters are never taken for each other.
+"""
+
+from __future__ import annotations
+
+from pydantic.dataclasses import dataclass
+
+from lightdepth.parameters.film import FilmParameters
+from lightdepth.parameters.ranges import CHECKED
+from lightdepth.parameters.recovery import RecoveryParameters
+from lightdepth.parameters.transport import TransportParameters
+
+__all__ = ["FilmParameters", "Parameters", "RecoveryParameters", "TransportParameters"]
+
+
+@dataclass(frozen=True, config=CHECKED)
+class Parameters:
+    """One object for each room; vary them by :func:`dataclasses.replace`, which checks them.
+
+    Attributes:
+        recovery: of recovering albedo and irradiance.
+        transport: of following paths.
+        film: of taking samples, and of the layers other than light.
+
+    Raises:
+        pydantic.ValidationError: a number is out of its range; so do those of the rooms.
+    """
+
+    recovery: RecoveryParameters = RecoveryParameters()
+    transport: TransportParameters = TransportParameters()
+    film: FilmParameters = FilmParameters()

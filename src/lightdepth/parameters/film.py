@@ -1,0 +1,94 @@
+"""The tuned constants of the film: how samples are taken and shared out, and how errors are estimated."""
+
+from __future__ import annotations
+
+from pydantic.dataclasses import dataclass
+
+from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Share
+
+
+@dataclass(frozen=True, config=CHECKED)
+class FilmParameters:
+    """How an image is sampled.
+
+    Attributes:
+        light_list_length: light samples of a presampled light list: it fits the processor's cache, since RIS candidates
+            lie far apart in it.
+        light_list_paths: camera paths after which a new list is drawn: what the list's own error adds stays unseen.
+        training_share: training paths of the radiance cache, relative to the paths that estimate pixels.
+        first_training_share: the same in the first pass, from which on the cache is used.
+        first_training_paths: largest number of training paths then.
+        training_paths_a_lane: training paths that a lane follows one after the other.
+        fewest_training_paths: smallest number in a later pass: a launch costs as much as some ten thousand paths.
+        light_paths_share: light paths per camera path, where objects are polished.
+        light_paths_at_once: largest number of light paths in one block, which bounds the memory.
+        paths_at_once: paths of one pass; more gain no speed.
+        samples_at_once: samples that a pixel gets at most before all others have theirs.
+        packet_distance: packets of pixels that want equally many samples are at least so far apart, where there are
+            enough, so that no processor core is left with all of the long ones.
+        pilot_samples: samples that every pixel gets, at most half of all, before the rest is spent where the error is.
+        quantum: further samples come in multiples of this.
+        most_share: no pixel gets more than this many times the average number of samples.
+        contrast: the power of a pixel's brightness that the error is relative to where samples are shared out, as in
+            Dammertz et al. 2010; relative to the brightness itself, highlights would get too few.
+        neighbourhood: pixels to each side whose mean error decides how many samples the pixel in the middle gets; its own
+            would bias it.
+        least_noise: smallest share of a wanted noise that is left to the pixels' own errors, however large the shared
+            ones are.
+        dark: errors count relative to a pixel's brightness plus this share of the median: nobody sees noise in the dark.
+        seconds_between_errors: shortest time between two estimates of the error for progress reports.
+        error_time_share: largest share of the time that these estimates may take.
+        worth_shared: errors that all pixels share are estimated once the pixels' own errors are below this: they are far
+            smaller.
+        compared_lists: light lists that are compared for that.
+        fewest_probes: pixels in which they are compared, at least.
+        most_probes: the same at most.
+        paths_a_light_sample: paths of the rendering per light sample of that estimate, which keeps it to a few percent
+            of the time.
+        cache_probes: pixels in which two radiance caches are compared.
+        cache_samples: paths in each of them.
+        layer_subpixels: points along each side of a pixel over which normal and albedo are averaged.
+        edge_samples: points in a pixel that shows an object's edge, by which the objects' coverage is measured.
+        most_plate_subpixels: points along each side of a pixel at which the photograph is looked up, at most.
+        fewest_lens_points: points of the lens for each pixel of the photograph that it blurs, at least; powers of two,
+            in which Sobol's sequence is even.
+        most_lens_points: the same at most.
+    """
+
+    light_list_length: Count = 1 << 14
+    light_list_paths: Count = 1 << 21
+    training_share: NotNegative = 0.1
+    first_training_share: NotNegative = 0.25
+    first_training_paths: Count = 1 << 15
+    training_paths_a_lane: Count = 16
+    fewest_training_paths: Count = 1 << 14
+    light_paths_share: Positive = 0.5
+    light_paths_at_once: Count = 1 << 19
+    paths_at_once: Count = 1 << 21
+    samples_at_once: Count = 256
+    packet_distance: Count = 64
+    pilot_samples: Count = 16
+    quantum: Count = 4
+    most_share: Count = 16
+    contrast: Share = 0.5
+    neighbourhood: Count = 2
+    least_noise: Share = 0.5
+    dark: NotNegative = 0.1
+    seconds_between_errors: NotNegative = 0.5
+    error_time_share: Positive = 0.05
+    worth_shared: NotNegative = 0.05
+    compared_lists: Count = 8
+    fewest_probes: Count = 8
+    most_probes: Count = 64
+    paths_a_light_sample: Count = 5
+    cache_probes: Count = 512
+    cache_samples: Count = 32
+    layer_subpixels: Count = 2
+    edge_samples: Count = 32
+    most_plate_subpixels: Count = 8
+    fewest_lens_points: Count = 64
+    most_lens_points: Count = 256
+
+
+DEFAULT = FilmParameters()
+"""What renderings use."""

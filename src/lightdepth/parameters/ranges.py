@@ -1,0 +1,23 @@
+"""The kinds of numbers that parameters are."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import ConfigDict, Field
+
+Count = Annotated[int, Field(strict=True, ge=1)]
+"""1 or more."""
+Depth = Annotated[int, Field(strict=True, ge=0)]
+"""0 or more."""
+Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]
+"""0 to 1."""
+Probability = Annotated[float, Field(strict=True, gt=0.0, lt=1.0)]
+"""Between 0 and 1."""
+Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
+"""More than 0."""
+NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
+"""0 or more."""
+
+CHECKED = ConfigDict(extra="forbid")
+"""Of every parameters object: no name is misspelt unnoticed."""

@@ -1,0 +1,64 @@
+"""The tuned constants of following paths."""
+
+from __future__ import annotations
+
+from pydantic.dataclasses import dataclass
+
+from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Share
+
+
+@dataclass(frozen=True, config=CHECKED)
+class TransportParameters:
+    """How paths are followed. Cell sizes decide how far the radiance cache blurs; all others trade noise for time.
+
+    Attributes:
+        candidates: RIS candidates for each shadow ray; one is kept, in proportion to the light that would arrive
+            unoccluded. More cost more than they gain once the brightest few lights are told apart.
+        roulette_depth: scatterings before Russian roulette by throughput begins.
+        largest_survival: probability with which a path goes on at most, so that none is endless.
+        roulette_gain: between support surfaces, a path survives Russian roulette in proportion to the share of the
+            hemisphere that objects fill: the factor on that share.
+        smallest_reach: the smallest survival probability that comes of it; less makes fireflies.
+        smallest_footprint: of a path, relative to a cache cell's area, where the cell's mean is used: from 1 on the
+            mean over the cell is as good as the point that happens to be met.
+        cell_edge: edge of a cell of the radiance cache, at most, relative to the distance to the nearest object; finer
+            ones would blur nothing less that can be seen, and have fewer records each.
+        smallest_cell: its smallest edge, metres: contact shadows of small objects.
+        largest_cell: its largest, metres.
+        neighbours_count: cells are read as if they had this many more records, equal to the mean of their block of two
+            by two by two: most have few of their own at first, and some none.
+        light_roulette_depth: scatterings of a light path on objects before Russian roulette begins.
+        light_largest_survival: as ``largest_survival``, of light paths.
+        connection_probability: with which a light path that comes from one object to another ends there and is
+            connected to the camera.
+        envpath_lights: K, the lights of the median cut in the method ``envpath`` (paper, section 5.5).
+        envpath_longest_edge: metres; ``envpath`` cuts support meshes this fine, since it knows the scale factor at
+            vertices only.
+        envpath_smallest_share: smallest denominator of the paper's eq. 8, as a share of its numerator: vertices that
+            hardly any light faces.
+        envpath_roulette_depth: as ``roulette_depth``, of ``envpath``.
+        envpath_largest_survival: as ``largest_survival``, of ``envpath``.
+    """
+
+    candidates: Count = 8
+    roulette_depth: Depth = 3
+    largest_survival: Probability = 0.99
+    roulette_gain: NotNegative = 6.0
+    smallest_reach: Probability = 0.75
+    smallest_footprint: NotNegative = 1.0
+    cell_edge: Positive = 0.5
+    smallest_cell: Positive = 0.001
+    largest_cell: Positive = 4.0
+    neighbours_count: NotNegative = 4.0
+    light_roulette_depth: Depth = 4
+    light_largest_survival: Probability = 0.95
+    connection_probability: Probability = 0.5
+    envpath_lights: Count = 256
+    envpath_longest_edge: Positive = 0.25
+    envpath_smallest_share: Share = 1e-3
+    envpath_roulette_depth: Depth = 3
+    envpath_largest_survival: Probability = 0.95
+
+
+DEFAULT = TransportParameters()
+"""What renderings use."""
