@@ -14,9 +14,10 @@ import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
 from lightdepth.cameras import Equirectangular, Perspective  # noqa: E402
-from lightdepth.directions import look_at_rotation  # noqa: E402
+from lightdepth.directions import look_at_rotation, pixel_directions  # noqa: E402
 from lightdepth.film.plate import render_plate  # noqa: E402
 from lightdepth.kernel.raycasting import RayCaster  # noqa: E402
+from lightdepth.lightmap.depth_meshes import meshes_from_depth  # noqa: E402
 from lightdepth.place.photographs import Photographs  # noqa: E402
 from lightdepth.place.place import Place  # noqa: E402
 from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
@@ -251,3 +252,39 @@ def test_the_retouched_plate_is_the_picture_and_not_the_light(surfaces, captures
     arriving, _, _ = place.photograph.arriving(down, hit, hit.distance, mi.Bool(True))
     assert arriving.numpy().max() == 0.0
     np.testing.assert_array_equal(irradiance(place, floor[0], 64), irradiance(plain, floor[0], 64))
+
+
+def test_where_the_depth_says_that_something_stood_before_the_wall_the_other_is_seen(surfaces, captures):
+    """A chair that is not in the model, black; the depth that came with the photograph knows it."""
+    spoilt, depth = captures[0].radiance.copy(), np.full((128, 256), 50.0, np.float32)
+    chair = np.s_[50:90, 150:175]
+    spoilt[chair], depth[chair] = 0.0, 0.8
+    place = Place([replace(captures[0], radiance=spoilt, depth=depth), captures[1]], surfaces)
+    v, u = np.mgrid[55:85, 155:170] + 0.5
+    hit, direction = place.photograph.each[0].look_along(
+        mi.Float(np.float32(u.ravel() / 256)), mi.Float(np.float32(v.ravel() / 128))
+    )
+    sharp = place.photograph.sharp(hit, mi.Ray3f(mi.Point3f(CAPTURES[0]), direction)).numpy()
+    truth = radiance(hit.point.numpy().T.astype(np.float64)).T
+    assert np.median(np.abs(sharp / truth - 1.0)) < 0.02
+
+
+def test_depth_images_make_one_model(captures):
+    """The second capture's depth adds what the first one's did not see, and nothing else."""
+    caster = RayCaster([surface.mesh for surface in REAL])
+    measured = []
+    for each in captures:
+        world = pixel_directions(128, 256).reshape(-1, 3) @ each.rotation.T
+        measured.append(replace(each, depth=caster.cast(each.position, world).distance.reshape(128, 256)))
+    first, second = meshes_from_depth(measured)
+    (alone,) = meshes_from_depth(measured[:1])
+    np.testing.assert_array_equal(first.vertices, alone.vertices)
+    offset = second.vertices[second.faces].mean(axis=1) - CAPTURES[0]
+    distance = np.linalg.norm(offset, axis=1)
+    assert (caster.cast(CAPTURES[0], offset / distance[:, None]).distance < 0.97 * distance).mean() > 0.9
+    # Together they have no holes: each capture point meets something everywhere, where it was measured.
+    together = RayCaster([first, second])
+    for each in measured:
+        world = pixel_directions(48, 96).reshape(-1, 3) @ each.rotation.T
+        met, truth = (cast.cast(each.position, world).distance for cast in (together, caster))
+        assert (np.abs(met / truth - 1.0) < 0.05).mean() > 0.97

@@ -179,7 +179,7 @@ def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
         for panorama in scene.panoramas
         for problem in radiance_problems(panorama, panorama_name(scene, panorama))
     )
-    if not scene.real and scene.panorama.depth is None:
+    if not scene.real and all(panorama.depth is None for panorama in scene.panoramas):
         return _CheckedPlace((), None, (), radiance, ())
     views = tuple(look_around(scene, panorama) for panorama in scene.panoramas)
     coverages = [measure_coverage(view, scene, views) for view in views]

@@ -34,6 +34,8 @@ DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
 SKY_ROWS = 1024
 """Rows of pixels, at most, from which the sky's mean radiance is taken."""
+BEFORE = 0.9
+"""Times the model's distance; where several photographs are weighed, what was measured nearer is something else."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
 
@@ -116,10 +118,20 @@ class Photograph(Photographed):
         clarity = np.ones((*shape, 2), np.float32)
         if self.surfaces.has_real:
             clarity[..., 0] = edge_feather(self._depth.numpy().reshape(shape))
-        if panorama.mask is not None:
-            clarity[..., 1] = mask_feather(panorama.mask)
+        counts = np.ones(shape, np.float32) if panorama.mask is None else panorama.mask
+        if panorama.depth is not None and self.surfaces.has_real:
+            counts = counts * self._modelled(panorama.depth)
+        if not (counts == 1.0).all():
+            clarity[..., 1] = mask_feather(counts)
         photograph._clarity = _texture(clarity)
         return photograph
+
+    def _modelled(self, measured: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Pixels in which the distance that the user gave says that nothing else stood before the model's surface."""
+        rows = (np.arange(self.map.height) * len(measured)) // self.map.height
+        columns = (np.arange(self.map.width) * measured.shape[1]) // self.map.width
+        modelled = self._depth.numpy().reshape(self.map.height, self.map.width)
+        return np.asarray(measured[np.ix_(rows, columns)] > BEFORE * modelled) | np.isinf(modelled)
 
     def declared(self, panorama: Panorama) -> mi.Texture2f | None:
         """1 where the scene declares the radiance of sources that this panorama clipped; ``None`` where it does not."""

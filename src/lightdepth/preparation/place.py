@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lightdepth.cancellation import raise_if_cancelled
 from lightdepth.errors import InputError, warn
-from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.lightmap.depth_meshes import meshes_from_depth
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
@@ -138,12 +138,10 @@ def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: Rec
 
 
 def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
-    """The modelled surfaces; where there are none, one made from the panorama's depth, all of it support."""
-    panorama = scene.panorama
-    if scene.real or panorama.depth is None:
+    """The modelled surfaces; where there are none, those made from the panoramas' depth, all of them support."""
+    if scene.real:
         return scene.real
-    mesh = mesh_from_depth(panorama.depth, panorama.position, panorama.rotation)
-    return (RealSurface("depth", mesh, Role.SUPPORT),)
+    return tuple(RealSurface("depth", mesh, Role.SUPPORT) for mesh in meshes_from_depth(scene.panoramas))
 
 
 # -- On disk ----------------------------------------------------------------------------------------------------------
