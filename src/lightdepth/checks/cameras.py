@@ -125,9 +125,9 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
     if share < MUCH_UNSEEN and distance < FAR * usual:
         return None
     return (
-        f"is {distance:.2g} m from the capture point, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of "
-        "what it sees is occluded from there and has a colour from elsewhere, and errors of the model show. Stay nearer, "
-        "or model finer"
+        f"is {distance:.2g} m from the {'nearest ' * (len(captures) > 1)}capture point, and surfaces are {usual:.2g} m from "
+        f"that; {100.0 * share:.0f} % of what it sees is occluded from there and has a colour from elsewhere, and errors of "
+        "the model show. Stay nearer, or model finer"
     )
 
 

@@ -17,7 +17,7 @@ from lightdepth.checks.coverage import Coverage, hole_problems, measure_coverage
 from lightdepth.checks.gloss import gloss_problems
 from lightdepth.checks.lights import light_problems
 from lightdepth.checks.objects import object_problems, standing_problems
-from lightdepth.checks.photographs import PhotographReport, compare_photographs, panorama_name
+from lightdepth.checks.photographs import PhotographReport, compare_photographs, panorama_name, panorama_table
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
@@ -177,7 +177,7 @@ def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
     radiance = tuple(
         problem
         for panorama in scene.panoramas
-        for problem in radiance_problems(panorama, panorama_name(scene, panorama))
+        for problem in radiance_problems(panorama, panorama_table(scene, panorama))
     )
     if not scene.real and all(panorama.depth is None for panorama in scene.panoramas):
         return _CheckedPlace((), None, (), radiance, ())

@@ -8,7 +8,7 @@ from lightdepth.checks.problem import Problem, Severity
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import Panorama, Scene
 
-WORTH_A_WARNING, WORTH_A_HINT = 0.05, 0.01
+WORTH_A_WARNING, WORTH_A_HINT = 0.02, 0.005
 """Shares of what a photograph has in common with others that disagree."""
 
 
@@ -71,9 +71,15 @@ def compare_photographs(scene: Scene) -> tuple[list[Problem], tuple[PhotographRe
     return problems, tuple(reports)
 
 
-def panorama_name(scene: Scene, panorama: Panorama) -> str:
-    """What messages call a panorama."""
+def panorama_table(scene: Scene, panorama: Panorama) -> str:
+    """What messages call a panorama's table."""
     if not scene.further:
         return "[panorama]"
     number = next(index for index, each in enumerate(scene.panoramas, 1) if each is panorama)
-    return f"[[panorama]] {number}" + (f" ({panorama.path.name})" if panorama.path else "")
+    return f"[[panorama]] {number}"
+
+
+def panorama_name(scene: Scene, panorama: Panorama) -> str:
+    """The same with the name of its file, where there are several."""
+    file = f" ({panorama.path.name})" if scene.further and panorama.path else ""
+    return panorama_table(scene, panorama) + file

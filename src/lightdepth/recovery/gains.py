@@ -13,6 +13,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from lightdepth.directions import direction_to_latlong, pixel_directions
 from lightdepth.kernel.arrays import aligned_columns
@@ -31,6 +32,8 @@ FEWEST = 40
 """Points that two photographs must both see."""
 DARK, BRIGHT = 0.02, 10.0
 """Times the median radiance; what is darker is noise, what is brighter may be clipped, or shine to one side."""
+RIM = 2
+"""Pixels around what is bright that it may have spilled into."""
 SCALE = 0.05
 """Deviation of logarithms up to which points count in full;"""
 ROUNDS = 20
@@ -81,13 +84,25 @@ class Balance:
 
 @dataclass(frozen=True)
 class _Pairs:
-    """Points that two photographs see: indices of the photographs, of the first one's directions, and log ratios."""
+    """Points that two photographs see.
+
+    Attributes:
+        first: index of the photograph, shape (n,).
+        second: of the other one.
+        cell: which of the first one's directions.
+        point: world, metres, shape (n, 3).
+        ratio: logarithm of the ratio of both radiances, shape (n, 3).
+        least: the same of the first one's darkest and the second one's brightest pixel around the point.
+        most: likewise of the brightest and the darkest.
+    """
 
     first: NDArray[np.int64]
     second: NDArray[np.int64]
     cell: NDArray[np.int64]
     point: NDArray[np.float32]
     ratio: NDArray[np.float64]
+    least: NDArray[np.float64]
+    most: NDArray[np.float64]
 
 
 def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> Balance:
@@ -107,11 +122,14 @@ def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> Bala
     if alone is not None:
         return Balance(ones, (0,) * count, (np.nan,) * count, (None,) * count, _shares_nothing(panoramas, alone))
     logs = np.stack([_solved(pairs, free, channel) for channel in range(3)], axis=1)
-    left = np.abs(pairs.ratio + logs[pairs.first] - logs[pairs.second]).max(axis=1)
+    gain = logs[pairs.first] - logs[pairs.second]
+    left = np.abs(pairs.ratio + gain).max(axis=1)
+    # An edge that lies half a pixel beside its place is no disagreement.
+    surely = np.maximum(np.maximum(pairs.least + gain, -pairs.most - gain).max(axis=1), 0.0)
     mine = [pairs.first == index for index in range(count)]
     deviation = tuple(float(np.expm1(np.median(left[each]))) if each.any() else np.nan for each in mine)
     disagreements = tuple(
-        _disagreement(panorama, pairs, each, left) for panorama, each in zip(panoramas, mine, strict=True)
+        _disagreement(panorama, pairs, each, surely) for panorama, each in zip(panoramas, mine, strict=True)
     )
     worst = int(np.nanargmax([*deviation[1:], -1.0])) + 1
     problem = None
@@ -127,6 +145,8 @@ def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> Bala
 
 def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> _Pairs:
     photographs = [Photograph(each, surfaces).beside_others(each) for each in panoramas]
+    ranges = [_ranges(each.shown_radiance) for each in panoramas]
+    bright = [mi.Bool(_near_bright(each.shown_radiance).reshape(-1)) for each in panoramas]
     grid = pixel_directions(ROWS, 2 * ROWS).reshape(-1, 3)
     # A grid on the sphere is denser toward the poles: of each row, so many that all stand for the same angle.
     row, column = np.divmod(np.arange(len(grid)), 2 * ROWS)
@@ -139,13 +159,15 @@ def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> _Pairs:
         hit = surfaces.first_real(mi.Ray3f(mi.Point3f(*map(float, photograph.capture)), direction), mi.Bool(True))
         point = mi.Vector3f(hit.point)
         own = photograph.sighting(point, hit.normal, hit.valid, direction, mi.Bool(True))
+        clear_here = ~dr.gather(mi.Bool, bright[index], photograph.map.pixel(own.direction))
         shown = photograph.picture_at(own.direction)
         for other, another in enumerate(photographs):
             if other == index:
                 continue
             sighting = another.sighting(point, hit.normal, hit.valid, direction, mi.Bool(True))
             there = another.picture_at(sighting.direction)
-            clear = mi.Bool(hit.valid)
+            clear = hit.valid & clear_here
+            clear &= ~dr.gather(mi.Bool, bright[other], another.map.pixel(sighting.direction))
             for each in (own, sighting):
                 clear &= (each.clarity > CLEAR) & (each.counts > CLEAR)
                 clear &= dr.abs(dr.dot(hit.normal, each.toward)) > STEEP
@@ -156,15 +178,45 @@ def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> _Pairs:
                 continue
             usable = np.ones(len(values[0]), bool)
             for value in values:
-                median = np.median(value)
-                usable &= (value.min(axis=1) > DARK * median) & (value.max(axis=1) < BRIGHT * median)
-            ratio = np.log(np.maximum(values[0][usable], 1e-30)) - np.log(np.maximum(values[1][usable], 1e-30))
-            cells, points = np.flatnonzero(kept)[both][usable], point.numpy().T[both][usable]
-            parts.append((np.full(len(ratio), index), np.full(len(ratio), other), cells, points, ratio))
+                usable &= value.min(axis=1) > DARK * np.median(value)
+            (darkest, brightest), (darkest_there, brightest_there) = (
+                [around[each.map.pixel(seen.direction).numpy()[both][usable]] for around in ranges[number]]
+                for each, seen, number in ((photograph, own, index), (another, sighting, other))
+            )
+            count = int(usable.sum())
+            parts.append(
+                (
+                    np.full(count, index),
+                    np.full(count, other),
+                    np.flatnonzero(kept)[both][usable],
+                    point.numpy().T[both][usable],
+                    _log_ratio(values[0][usable], values[1][usable]),
+                    _log_ratio(darkest, brightest_there),
+                    _log_ratio(brightest, darkest_there),
+                )
+            )
     if not parts:
-        none = np.zeros(0, np.int64)
-        return _Pairs(none, none, none, np.zeros((0, 3), np.float32), np.zeros((0, 3)))
+        none, no_colours = np.zeros(0, np.int64), np.zeros((0, 3))
+        return _Pairs(none, none, none, no_colours.astype(np.float32), no_colours, no_colours, no_colours)
     return _Pairs(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _log_ratio(first: NDArray, second: NDArray) -> NDArray[np.float64]:
+    return np.asarray(np.log(np.maximum(first, 1e-30)) - np.log(np.maximum(second, 1e-30)), np.float64)
+
+
+def _ranges(radiance: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Darkest and brightest value of each channel among a pixel and its neighbours, shapes (pixels, 3)."""
+    mode = ("nearest", "wrap", "nearest")
+    darkest, brightest = (each(radiance, (3, 3, 1), mode=mode) for each in (minimum_filter, maximum_filter))
+    return darkest.reshape(-1, 3), brightest.reshape(-1, 3)
+
+
+def _near_bright(radiance: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Pixels that are much brighter than the typical one, and those around them, shape (height, 2 height)."""
+    brightest = radiance.max(axis=2)
+    size = 2 * RIM + 1
+    return np.asarray(maximum_filter(brightest > BRIGHT * np.median(brightest), size, mode=("nearest", "wrap")), bool)
 
 
 def _unconnected(pairs: _Pairs, free: NDArray[np.bool_]) -> int | None:
