@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
@@ -27,7 +28,6 @@ from bench.truth import Estimate, on_plate, photograph, truth
 from lightdepth.cameras import Perspective
 from lightdepth.checks.sampling import unseen_shares
 from lightdepth.checks.view import look_around
-from lightdepth.images.png import write_png
 from lightdepth.kernel.start import start
 from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.scene.model import Panorama, RenderSettings, Scene
@@ -37,6 +37,8 @@ CAPTURES: tuple[Point, ...] = ((-1.2, -0.4, 1.5), (2.0, 2.6, 1.5), (1.9, -1.2, 1
 WAY: tuple[Point, ...] = ((-1.2, -0.8, 1.5), (1.9, -0.3, 1.5), (2.1, 0.6, 1.5))
 TARGETS: tuple[Point, ...] = ((0.75, 0.5, 0.4), (1.4, 1.8, 0.8), (1.5, 4.0, 1.0))
 FOV = 65.0
+ENLARGED = 2
+"""Times that the picture's pixels are repeated."""
 KEPT = RESULTS / "captures.json"
 PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "captures-l-shaped-room.jpg"
 
@@ -140,7 +142,8 @@ def captures(quick: bool, console: Console) -> dict[str, Any]:
     KEPT.write_text(json.dumps(table, indent=1) + "\n")
     exposure = 0.4 / float(np.median(strips[0]))
     shown = np.concatenate([display(exposure * strip) for strip in strips])
-    write_png(PICTURE.with_suffix(".png"), (255.0 * shown + 0.5).astype(np.uint8))
+    enlarged = shown.repeat(ENLARGED, axis=0).repeat(ENLARGED, axis=1)
+    cv2.imwrite(str(PICTURE), (255.0 * enlarged[..., ::-1] + 0.5).astype(np.uint8))
     return table
 
 

@@ -140,9 +140,11 @@ def test_one_photograph_twice_is_that_photograph(surfaces, captures, floor):
     assert irradiance(twice, points).mean() == pytest.approx(irradiance(one, points).mean(), rel=0.01)
     ray = rays_from(BETWEEN)
     hit = surfaces.first_real(ray, mi.Bool(True))
-    np.testing.assert_allclose(
-        twice.photograph.sharp(hit, ray).numpy(), one.photograph.sharp(hit, ray).numpy(), rtol=2e-4, atol=1e-5
-    )
+    pictures = [place.photograph.sharp(hit, ray).numpy() for place in (one, twice)]
+    alone = Photographs(captures[:1], surfaces).sharp(hit, ray).numpy()
+    np.testing.assert_allclose(pictures[1], alone, rtol=2e-4, atol=1e-5)
+    # At edges, several photographs show nothing of what stands beside a surface.
+    assert np.isclose(*pictures, rtol=2e-4).all(axis=0).mean() > 0.8
 
 
 def test_two_captures_give_the_irradiance_that_one_cannot(place, surfaces, captures, floor):

@@ -124,10 +124,11 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
     usual = float(np.median(capture.distance[np.isfinite(capture.distance)]))
     if share < MUCH_UNSEEN and distance < FAR * usual:
         return None
+    nearest = "nearest capture point" if len(captures) > 1 else "capture point"
     return (
-        f"is {distance:.2g} m from the {'nearest ' * (len(captures) > 1)}capture point, and surfaces are {usual:.2g} m from "
-        f"that; {100.0 * share:.0f} % of what it sees is occluded from there and has a colour from elsewhere, and errors of "
-        "the model show. Stay nearer, or model finer"
+        f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of what "
+        "it sees is occluded from there and has a colour from elsewhere, and errors of the model show. Stay nearer, or "
+        "model finer"
     )
 
 

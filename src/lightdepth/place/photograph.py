@@ -213,6 +213,29 @@ class Photograph(Photographed):
         """The picture in unit directions, light space, sharply interpolated."""
         return self._shown.sharp_radiance(direction)
 
+    def sharp_of(self, sighting: Sighting, point: mi.Vector3f, normal: mi.Vector3f, finite: mi.Bool) -> mi.Color3f:
+        """The picture of points, sharply interpolated from pixels that show their surface and not what stands beside it.
+
+        Args:
+            sighting: of the points.
+            point: world, metres.
+            normal: of the surface there, either side, unit, world.
+            finite: false for sky.
+        """
+        offset = point - mi.Vector3f(self._capture)
+        height = dr.dot(normal, offset)
+        allowed = (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * dr.norm(offset)
+
+        def belongs(direction: mi.Vector3f, index: mi.UInt32) -> mi.Bool:
+            depth = dr.gather(mi.Float, self._depth, index)
+            is_finite = dr.isfinite(depth)
+            beside = dr.abs(dr.select(is_finite, depth, 0.0) * dr.dot(normal, self._to_world @ direction) - height)
+            return dr.select(finite, is_finite & (beside <= allowed), ~is_finite)
+
+        if not self.surfaces.has_real:
+            return self.sharp_at(sighting.direction)
+        return self._shown.sharp_radiance_of(sighting.direction, belongs)
+
     def picture_at(self, direction: mi.Vector3f) -> mi.Color3f:
         """The picture in unit directions, light space, as the albedo is recovered from it."""
         return self._reflecting.radiance(direction)

@@ -109,7 +109,9 @@ class Photographs(Photographed):
     def sharp(self, hit: RealHit, ray: mi.Ray3f) -> mi.Color3f:
         """As the base says."""
         sightings, weights = self._looked_at(hit, ray)
-        return _weighed(weights.shares, [p.sharp_at(s.direction) for p, s in zip(self.each, sightings, strict=True)])
+        point = self._point(hit)
+        values = [p.sharp_of(s, point, hit.normal, hit.valid) for p, s in zip(self.each, sightings, strict=True)]
+        return _weighed(weights.shares, values)
 
     def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
         """As the base says."""
@@ -165,10 +167,12 @@ class Photographs(Photographed):
                 other.counts *= 1.0 - dr.select(first.seen, declared, 0.0)
         return sightings
 
+    def _point(self, hit: RealHit) -> mi.Vector3f:
+        return mi.Vector3f(dr.select(hit.valid, self.surfaces.rest_point(hit, hit.valid), hit.point))
+
     def _looked_at(self, hit: RealHit, ray: mi.Ray3f) -> tuple[list[Sighting], Weights]:
         """What a camera's rays see."""
-        point = mi.Vector3f(dr.select(hit.valid, self.surfaces.rest_point(hit, hit.valid), hit.point))
-        sightings = self._sightings(point, hit.normal, hit.valid, ray.d, mi.Bool(True))
+        sightings = self._sightings(self._point(hit), hit.normal, hit.valid, ray.d, mi.Bool(True))
         return sightings, weigh(sightings, hit.normal, hit.valid, ray.d, ray.o, self._captures)
 
     def _of_surface(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> tuple[list[Sighting], Weights]:
