@@ -1,8 +1,8 @@
 """Whether another device gives the CPU's pictures within noise, and how fast it is: ``python bench/device_check.py``.
 
-Needs nothing but Python, this repository and, where it is not installed, a folder with the wheels of it and its packages, which it
-installs aside (``--wheels``), without a network. Each device renders in a process of its own. Ends with 0 where the
-pictures agree, with 1 where they do not, and with 2 where a device did not render.
+Needs nothing but Python, this repository and, where it is not installed, a folder with the wheels of it and its
+packages, which it installs aside (``--wheels``), without a network. Each device renders in a process of its own. Ends
+with 0 where the pictures agree, with 1 where they do not, and with 2 where a device did not render.
 """
 
 from __future__ import annotations
@@ -215,9 +215,9 @@ def compare(reference: Any, values: Any, plate: Any, other_plate: Any) -> dict[s
 
     Returns:
         ``agree``; ``bias`` and its standard ``error``, relative to the radiance of all pixels that objects touch; ``most``,
-        the greatest relative difference of a block; ``caught``, the relative difference that half of the blocks would be
-        rejected for; ``alike``, the share of touched pixels within 1 %; ``plate``, the greatest difference of the plates
-        relative to their mean.
+        the greatest relative difference of a block; ``caught``, the relative difference that half of the changed blocks
+        would be rejected for; ``alike``, the share of touched pixels within 1 %; ``plate``, the greatest difference of the
+        plates relative to their mean.
     """
     import numpy as np
     from scipy.stats import t as student
@@ -233,12 +233,15 @@ def compare(reference: Any, values: Any, plate: Any, other_plate: Any) -> dict[s
     close = np.abs(other - pictures).max(3) <= 0.01 * np.maximum(pictures.max(3), 1e-6)
     apart = float(np.abs(other_plate - plate).max() / plate.mean())
     relative = differences.mean(0) / np.maximum(means, 1e-12)
+    changed = _block_means(np.abs(pictures - plate)).max(0) > 0
+    whole = TOLERANCE + student.isf(FALSE_ALARM / 2, count - 1) * overall.std(ddof=1) / np.sqrt(count)
+    alike = (np.abs(differences.mean(0)) <= allowed).all() and abs(overall.mean()) <= whole and apart <= TOLERANCE
     return {
-        "agree": bool((np.abs(differences.mean(0)) <= allowed).all() and apart <= TOLERANCE),
+        "agree": bool(alike),
         "bias": float(overall.mean()),
         "error": float(overall.std(ddof=1) / np.sqrt(count)),
         "most": float(relative.flat[np.abs(relative).argmax()]),
-        "caught": float(np.median(allowed / np.maximum(means, 1e-12))),
+        "caught": float(np.median((allowed / np.maximum(means, 1e-12))[changed])),
         "alike": float(close[:, touched].mean()),
         "plate": apart,
     }

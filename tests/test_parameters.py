@@ -43,7 +43,7 @@ def frame(scene, samples=16):
 
 
 def other_value(value):
-    return value + 2 if isinstance(value, int) else 0.9 * value
+    return 2 * value if isinstance(value, int) else 0.9 * value
 
 
 def test_every_parameter_is_part_of_what_a_picture_is_made_from(scene):
@@ -108,6 +108,10 @@ def test_parameters_do_what_they_say(scene):
         (FilmParameters, {"pilot_samples": 2.5}),
         (FilmParameters, {"dark": float("nan")}),
         (FilmParameters, {"pilot": 2}),
+        (FilmParameters, {"edge_samples": 48}),
+        (FilmParameters, {"most_lens_points": 32}),
+        (FilmParameters, {"packet_distance": 512}),
+        (TransportParameters, {"smallest_cell": 5.0}),
         (RecoveryParameters, {"unseen_share": -0.1}),
     ],
 )

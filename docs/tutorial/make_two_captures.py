@@ -2,8 +2,8 @@
 
 Run it from the repository's root with the package installed: python docs/tutorial/make_two_captures.py
 
-The flat is the benchmark's L-shaped room, path-traced from two capture points; someone is painted into the second panorama, which is
-exposed otherwise. All files stay in out/two-captures.
+The flat is the benchmark's L-shaped room, path-traced from two capture points; someone is painted into the second
+panorama, which is exposed otherwise. All files stay in out/two-captures.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lightdepth.capture.brackets import brackets_in_folder, group_by_exposure
-from lightdepth.capture.exposure import Exposure, read_exif, read_exposures, shutter_time
+from lightdepth.capture.exposure import Exposure, read_exposures, shutter_time
 from lightdepth.errors import InputError, InputWarning
 from tests.support.dng import write_dng
 from tests.support.photography import write_photograph
@@ -68,7 +68,7 @@ def test_photograph_without_exposure_names_the_way_out(tmp_path):
 
     Image.fromarray(GREY).save(tmp_path / "plain.jpg")
     with pytest.raises(InputError, match=r"plain\.jpg.*--exposures"):
-        read_exif(tmp_path / "plain.jpg")
+        read_exposures([tmp_path / "plain.jpg"])
 
 
 def named(times):
@@ -117,7 +117,7 @@ def test_an_impossible_sensitivity_is_refused(name):
     with pytest.raises(
         InputError, match=rf"{name}.jpg: .* ISO 65535, .*recommended exposure index is \d+.*--exposures"
     ):
-        read_exif(FAULTS / f"24-exif/{name}.jpg")
+        read_exposures([FAULTS / f"24-exif/{name}.jpg"])
 
 
 def test_what_some_photographs_state_all_must(tmp_path):
@@ -136,7 +136,7 @@ def test_powers_of_two_stand_for_times_and_f_numbers(tmp_path):
     tags = exif.get_ifd(0x8769)
     tags[0x9201], tags[0x9202], tags[0x8827] = IFDRational(-3, 1), IFDRational(5, 1), 200
     Image.fromarray(GREY).save(tmp_path / "x.jpg", exif=exif)
-    exposure = read_exif(tmp_path / "x.jpg")
+    exposure = read_exposures([tmp_path / "x.jpg"])[0]
     assert (exposure.time, exposure.iso) == (8.0, 200.0)
     assert exposure.aperture == pytest.approx(5.657, abs=1e-3)
 
@@ -153,7 +153,7 @@ def test_tables_of_other_makes(tmp_path):
 def test_what_only_libraw_knows_is_asked_of_it(tmp_path):
     """A file with its exposure where makers put it and EXIF data do not."""
     write_dng(tmp_path / "x.dng", np.full((48, 64), 900), [0], 16383, time=(1, 64))
-    assert read_exif(tmp_path / "x.dng").time == pytest.approx(1 / 64)
+    assert read_exposures([tmp_path / "x.dng"])[0].time == pytest.approx(1 / 64)
 
 
 def test_photographs_with_automatic_exposure_are_no_brackets():

@@ -124,7 +124,7 @@ class Viewpoint:
 
         target = mi.Point3f(self._to_camera @ (point - self._origin))
         seen = self.camera.film_point(target, u)
-        angle = self.camera.pixel_angle(dr.normalize(target - seen.origin))
+        angle = self.camera.pixel_angle(dr.normalize(mi.Vector3f(target - seen.origin)))
         return Projection(self._origin + self._to_world @ seen.origin, seen.film, angle, seen.weight, seen.inside)
 
     # Variables of the device: a pose that changes compiles no kernel.

@@ -56,7 +56,7 @@ class Exposure:
 
 
 def read_exposures(photographs: Sequence[Path], table: Path | None = None) -> list[Exposure]:
-    """Exposures of photographs, from their EXIF data or, where one is given, from a table.
+    """Exposures of photographs, from a table where one is given, else from EXIF data or what LibRaw finds in RAW files.
 
     Args:
         photographs: image files.
@@ -74,16 +74,6 @@ def read_exposures(photographs: Sequence[Path], table: Path | None = None) -> li
     if missing:
         raise InputError(f"{table}: has no row for {', '.join(missing)}; the column 'file' must name every photograph")
     return [rows[path.name] for path in photographs]
-
-
-def read_exif(path: Path) -> Exposure:
-    """Exposure in a photograph's EXIF data, or in what LibRaw finds in a RAW file of a maker's own.
-
-    Raises:
-        InputError: the file is missing, or lacks the exposure time, or its sensitivity is impossible.
-        SetupError: the package that reads EXIF data is not installed.
-    """
-    return _alike([path], [_read_exif(path)])[0]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.cryptomatte import Mattes
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import Band, bands
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.preparation import Prepared
 
@@ -72,13 +73,13 @@ def render_auxiliary(
             return view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
 
         seen = rays(mi.Point2f(0.5))
-        found = prepared.surfaces.all.ray_intersect_preliminary(seen.ray, coherent=True, active=seen.inside)
+        found = first_hit(prepared.surfaces.all, seen.ray, coherent=True, active=seen.inside)
         middle = _shapes(prepared, found, seen.inside)
         distance = dr.select(seen.inside & found.is_valid(), found.t, dr.inf)
         dr.eval(middle, distance)  # At once: one by one would trace all rays again.
         shape[band.rows] = middle.numpy().reshape(band.shape)
         depth[band.rows] = distance.numpy().reshape(band.shape)
-        mean_normal, mean_albedo = (dr.zeros(kind, dr.width(band.row)) for kind in (mi.Vector3f, mi.Color3f))
+        mean_normal, mean_albedo = dr.zeros(mi.Vector3f, dr.width(band.row)), dr.zeros(mi.Color3f, dr.width(band.row))
         differs = dr.zeros(mi.UInt32, dr.width(band.row))
         dr.make_opaque(mean_normal, mean_albedo, differs)  # Literal zeros would need a kernel of their own.
         for i in range(subpixels):
@@ -128,7 +129,7 @@ def _coverage(
         x, y, *lens = (dr.gather(mi.Float, part, lane % edge_samples) for part in stratified)
         column, row = mi.Float(pixel % view.resolution[0]), mi.Float(pixel // view.resolution[0])
         rays = view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(*lens))
-        found = prepared.surfaces.all.ray_intersect_preliminary(rays.ray, coherent=True, active=rays.inside)
+        found = first_hit(prepared.surfaces.all, rays.ray, coherent=True, active=rays.inside)
         seen = _shapes(prepared, found, rays.inside).numpy().reshape(len(some), edge_samples)
         pairs, count = np.unique((np.arange(len(some))[:, None] << 16) | seen.astype(np.int64), return_counts=True)
         there = (pairs & 0xFFFF) > 0
@@ -149,7 +150,7 @@ def _shapes(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside: mi.
 
 def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Color3f, mi.UInt32]:
     surfaces, place, ray, inside = prepared.surfaces, prepared.place, seen.ray, seen.inside
-    found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
+    found = first_hit(surfaces.all, ray, coherent=True, active=inside)
     on_real = inside & surfaces.is_real(found)
     on_synthetic = inside & found.is_valid() & ~on_real
     hit = surfaces.real_hit(ray, found, on_real)
@@ -157,6 +158,6 @@ def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Colo
     material = surfaces.materials.index(si, on_synthetic)
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
-    normal = dr.select(on_synthetic, si.sh_frame.n, hit.normal & on_real)
+    normal = dr.select(on_synthetic, mi.Vector3f(si.sh_frame.n), hit.normal & on_real)
     photographed = dr.minimum(place.photograph.sharp(hit, ray), 1.0) & inside
     return normal, dr.select(on_synthetic, diffuse, photographed), _shapes(prepared, found, inside)

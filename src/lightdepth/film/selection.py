@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Topology, Viewpoint
 from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.preparation import Prepared
 
@@ -30,24 +33,21 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
     kept = np.zeros((rows, columns), bool)
     for band in bands(columns, rows):
         reached = mi.Bool(False)
-        middle, corners = None, []
+        rays: list[mi.Ray3f] = []
         for x, y in ((0.5, 0.5), (0.02, 0.02), (0.98, 0.02), (0.02, 0.98), (0.98, 0.98)):
             film = mi.Point2f(
                 dr.minimum((band.column + x) * (TILE / width), 1.0), dr.minimum((band.row + y) * (TILE / height), 1.0)
             )
             seen = view.rays(film, mi.Point2f(0.5))
             ray, inside = seen.ray, seen.inside
-            found = surfaces.all.ray_intersect_preliminary(ray, coherent=True, active=inside)
+            found = first_hit(surfaces.all, ray, coherent=True, active=inside)
             on_real = surfaces.is_real(found)
             hit = surfaces.real_hit(ray, found, on_real)
             reached |= inside & found.is_valid() & (~on_real | surfaces.receives(hit))
-            if middle is None:
-                middle = ray
-            else:
-                corners.append(dr.dot(ray.d, middle.d))
-        radius = dr.acos(
-            dr.clip(dr.minimum(dr.minimum(corners[0], corners[1]), dr.minimum(corners[2], corners[3])), -1, 1)
-        )
+            rays.append(ray)
+        middle, *corners = rays
+        cosines = [dr.dot(corner.d, middle.d) for corner in corners]
+        radius = dr.acos(dr.clip(reduce(dr.minimum, cosines), -1, 1))
         if prepared.integrator.bounds is not None:
             reached |= prepared.integrator.bounds.near(middle, radius)
         kept[band.rows] = reached.numpy().reshape(band.shape)

@@ -49,9 +49,10 @@ class _Lobe:
     def eval(self, wo: mi.Vector3f) -> tuple[mi.Float, mi.Float, mi.Float]:
         """Value times cosine for a Fresnel factor of 1, the Schlick term ``(1 - cos)^5``, and the density of ``wo``."""
         facet = dr.normalize(self.wi + wo)
-        density = self.facets.pdf(self.wi, facet) / (4.0 * dr.maximum(dr.dot(wo, facet), 1e-12))
+        cosine = dr.dot(wo, facet)
+        density = self.facets.pdf(self.wi, facet) / (4.0 * dr.maximum(cosine, 1e-12))
         value = density * self.facets.smith_g1(wo, facet)
-        return value, (1.0 - dr.clip(dr.dot(wo, facet), 0.0, 1.0)) ** 5, density
+        return value, (1.0 - dr.clip(cosine, 0.0, 1.0)) ** 5, density
 
 
 @cache

@@ -97,11 +97,13 @@ def _cast(
     import drjit as dr
     import mitsuba as mi
 
+    from lightdepth.kernel.tracing import first_hit
+
     ray = mi.Ray3f(
         mi.Point3f(*map(mi.Float, aligned_columns(origins))),
         mi.Vector3f(*map(mi.Float, aligned_columns(directions))),
     )
-    found = scene.ray_intersect_preliminary(ray, coherent=True)
+    found = first_hit(scene, ray, coherent=True)
     valid = found.is_valid()
     face = dr.select(valid, mi.Int32(found.prim_index), -1)
     distance = dr.select(valid, found.t, dr.inf)

@@ -142,5 +142,8 @@ def _load(device: Device) -> str:
         mi.set_variant(variant)
     except (ImportError, RuntimeError) as error:
         raise SetupError(f"Mitsuba did not start with {variant} ({error})") from error
+    if device == "cuda":
+        # CUDA 13's assembler refuses it in kernels that call functions, as materials are.
+        dr.set_flag(dr.JitFlag.SpillToSharedMemory, False)
     mi.set_log_level(mi.LogLevel.Error)
     return variant

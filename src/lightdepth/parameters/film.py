@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Annotated, Self
+
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Share
+from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, PowerOfTwo, Share
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -66,7 +69,7 @@ class FilmParameters:
     light_paths_at_once: Count = 1 << 19
     paths_at_once: Count = 1 << 21
     samples_at_once: Count = 256
-    packet_distance: Count = 64
+    packet_distance: Annotated[Count, Field(le=256)] = 64
     pilot_samples: Count = 16
     quantum: Count = 4
     most_share: Count = 16
@@ -84,10 +87,18 @@ class FilmParameters:
     cache_probes: Count = 512
     cache_samples: Count = 32
     layer_subpixels: Count = 2
-    edge_samples: Count = 32
+    edge_samples: PowerOfTwo = 32
     most_plate_subpixels: Count = 8
-    fewest_lens_points: Count = 64
-    most_lens_points: Count = 256
+    fewest_lens_points: PowerOfTwo = 64
+    most_lens_points: PowerOfTwo = 256
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.fewest_probes > self.most_probes:
+            raise ValueError("fewest_probes must be at most most_probes")
+        if self.fewest_lens_points > self.most_lens_points:
+            raise ValueError("fewest_lens_points must be at most most_lens_points")
+        return self
 
 
 DEFAULT = FilmParameters()

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
+
+
+def _power_of_two(value: int) -> int:
+    if value & (value - 1):
+        raise ValueError("must be a power of two")
+    return value
+
 
 Count = Annotated[int, Field(strict=True, ge=1)]
 """1 or more."""
+PowerOfTwo = Annotated[Count, AfterValidator(_power_of_two)]
+"""Points of a Sobol sequence, which is even in these numbers alone."""
 Depth = Annotated[int, Field(strict=True, ge=0)]
 """0 or more."""
 Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0)]

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Self
+
+from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Share
@@ -58,6 +61,12 @@ class TransportParameters:
     envpath_smallest_share: Share = 1e-3
     envpath_roulette_depth: Depth = 3
     envpath_largest_survival: Probability = 0.95
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.smallest_cell > self.largest_cell:
+            raise ValueError("smallest_cell must be at most largest_cell")
+        return self
 
 
 DEFAULT = TransportParameters()

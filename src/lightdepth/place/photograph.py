@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from lightdepth.directions import latlong_to_direction as direction_of_latlong
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.place.feather import edge_feather, mask_feather
 from lightdepth.place.light_list import LightSample
@@ -207,7 +208,7 @@ class Photograph(Photographed):
     def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
         """As the base says."""
         _, unseen, _ = self.sight(mi.Vector3f(hit.point), hit.normal)
-        return [dr.select(hit.valid & unseen, 0.0, 1.0)]
+        return [mi.Float(dr.select(hit.valid & unseen, 0.0, 1.0))]
 
     def sharp_at(self, direction: mi.Vector3f) -> mi.Color3f:
         """The picture in unit directions, light space, sharply interpolated."""
@@ -398,7 +399,7 @@ class Photograph(Photographed):
         for band in bands(self.map.width, self.map.height):
             u, v = (band.column + 0.5) / self.map.width, (band.row + 0.5) / self.map.height
             ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
-            found = self.surfaces.real.ray_intersect_preliminary(ray, coherent=True)
+            found = first_hit(self.surfaces.real, ray, coherent=True)
             depth[band.rows] = dr.select(found.is_valid(), found.t, dr.inf).numpy().reshape(band.shape)
         return mi.Float(depth.reshape(-1))
 

@@ -104,7 +104,7 @@ def weigh(
     others, _ = _shares(texels, masked)
     kept = [share * sighting.counts for share, sighting in zip(best, sightings, strict=True)]
     rest = dr.maximum(1.0 - reduce(operator.add, kept), 0.0)
-    unhidden, _ = _shares(quality, [dr.select(same_side, 1.0, WRONG_SIDE) for same_side in sides])
+    unhidden, _ = _shares(quality, [mi.Float(dr.select(same_side, 1.0, WRONG_SIDE)) for same_side in sides])
     shares = [
         dr.select(any_seen, share + rest * other, fallback)
         for share, other, fallback in zip(kept, others, unhidden, strict=True)

@@ -14,6 +14,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.kernel.tracing import meets
 from lightdepth.place.light_list import LightList, LightSample, joined
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.photographed import Photographed
@@ -160,10 +161,10 @@ class Place:
         tested = active & ~light.is_sun if self.suns else active
         if self.infinite:
             tested = tested & light.finite  # The map's light is taken to come past all surfaces.
-        free = active & ~self.surfaces.real.ray_test(ray, coherent=False, active=tested)
+        free = active & ~meets(self.surfaces.real, ray, tested)
         if self.suns:
             toward_sun = active & light.is_sun
-            free &= ~self.surfaces.blockers.ray_test(ray, coherent=False, active=toward_sun)
+            free &= ~meets(self.surfaces.blockers, ray, toward_sun)
         return free
 
     # -- What is seen -------------------------------------------------------------------------------------------

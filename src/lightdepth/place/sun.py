@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
 from lightdepth.kernel.arrays import aligned, aligned_columns
+from lightdepth.kernel.tracing import first_hit, meets
 from lightdepth.kernel.variables import as_point
 from lightdepth.place.light_list import LightSample
 from lightdepth.place.real_light import RealLight
@@ -99,15 +100,16 @@ class Sun(RealLight):
         if not self.surfaces.has_real:
             return mi.Bool(False)
         beyond = mi.Ray3f(ray.o, ray.d)
-        return self.surfaces.blockers.ray_test(beyond, coherent=False, active=active)
+        return meets(self.surfaces.blockers, beyond, active)
 
     def transmittance(self, point: mi.Point3f) -> mi.Color3f:
         """Share of the sun that the mask lets through to points, world: curtains and bars that are not modelled."""
         if self._mask is None:
             return mi.Color3f(1.0)
         right, up = (dr.dot(mi.Vector3f(point), mi.Vector3f(axis)) for axis in self._axes[:2])
-        low, extent = self._mask_extent.xy, self._mask_extent.zw
-        at = (mi.Point2f(right, up) - mi.Point2f(low)) / mi.Point2f(extent - low)
+        extent = self._mask_extent
+        low, high = mi.Point2f(extent.x, extent.y), mi.Point2f(extent.z, extent.w)
+        at = (mi.Point2f(right, up) - low) / (high - low)
         value = self._mask.eval(mi.Point2f(at.x, 1.0 - at.y))
         inside = (at.x >= 0.0) & (at.x <= 1.0) & (at.y >= 0.0) & (at.y <= 1.0)
         channels = [value[i] for i in range(len(value))]
@@ -117,7 +119,7 @@ class Sun(RealLight):
         """How much the sun should weigh among the RIS candidates at points: by the shadow map, never 0."""
         if self._shadow_map is None:
             return mi.Float(LIKELY)
-        return dr.select(self._shadow_map.may_be_lit(point), LIKELY, UNLIKELY)
+        return dr.select(self._shadow_map.may_be_lit(point), mi.Float(LIKELY), UNLIKELY)
 
     def _direction(self, u: mi.Float, v: mi.Float) -> mi.Vector3f:
         fall = u * self._versine
@@ -148,7 +150,7 @@ class _ShadowMap:
         starts = s[..., None] * right + t[..., None] * up + top * direction
         origin = mi.Point3f(*map(mi.Float, aligned_columns(starts.reshape(-1, 3))))
         ray = mi.Ray3f(origin, mi.Vector3f(*(-direction).tolist()))
-        found = surfaces.blockers.ray_intersect_preliminary(ray, coherent=True)
+        found = first_hit(surfaces.blockers, ray, coherent=True)
         reached = np.where(found.is_valid().numpy(), top - found.t.numpy(), -np.inf).reshape(rows, columns)
         lowest = minimum_filter(reached, size=DILATION, mode="nearest")
         self._heights = mi.Float(aligned(lowest.astype(np.float32)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields
 
@@ -14,6 +14,7 @@ from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.materials import Materials, registered
 from lightdepth.kernel.shapes import mesh_shape
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
 from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Mesh
@@ -126,7 +127,7 @@ class TracedSurfaces:
 
     def first_real(self, ray: mi.Ray3f, active: mi.Bool) -> RealHit:
         """The first real surface along rays, looking through all synthetic ones: ``q(x, w)``."""
-        found = self.real.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found = first_hit(self.real, ray, active=active)
         return self.real_hit(ray, found, active & found.is_valid())
 
     def is_real(self, found: mi.PreliminaryIntersection3f) -> mi.Bool:
@@ -250,7 +251,7 @@ def _beside(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f) -> m
     return dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
 
 
-def _scene(shapes: dict[str, mi.Shape], robust: bool = False) -> mi.Scene:
+def _scene(shapes: Mapping[str, mi.Shape], robust: bool = False) -> mi.Scene:
     return load({"type": "scene", "embree_use_robust_intersections": robust, **shapes})
 
 

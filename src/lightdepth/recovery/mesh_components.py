@@ -13,6 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from lightdepth.kernel.arrays import aligned_columns
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.kernel.variables import as_point
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
@@ -72,7 +73,7 @@ def _facing(place: Place, surfaces: RealSurfaces, capture: NDArray[np.float64]) 
     distance = np.linalg.norm(offset, axis=1)
     direction = mi.Vector3f(*map(mi.Float, aligned_columns(offset / distance[:, None])))
     ray = mi.Ray3f(as_point(capture), direction)
-    free = place.surfaces.real.ray_intersect_preliminary(ray, coherent=False).t.numpy() > 0.999 * distance
+    free = first_hit(place.surfaces.real, ray).t.numpy() > 0.999 * distance
     return np.asarray(
         -np.sign((normal * offset).sum(axis=1)) * face_areas(surfaces.rest, faces) * np.where(free, 1.0, 1e-6)
     )

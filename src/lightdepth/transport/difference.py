@@ -18,6 +18,7 @@ from functools import reduce
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.kernel.tracing import first_hit
 from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import Cones, ObjectBounds
@@ -132,7 +133,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         context, parameters = mi.BSDFContext(), self.parameters
         bounds = self.bounds if self.has_support else None
 
-        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found = first_hit(self.surfaces.all, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
@@ -167,7 +168,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             rho = dr.select(begins, 1.0, rho)
         active &= on_synthetic | (dr.max(rho) > 0.0) | ((hit.gloss > 0) & (dr.max(specular_scale) > 0.0))
         point = dr.select(on_synthetic, si.p, hit.point)
-        normal = dr.select(on_synthetic, si.n, hit.normal)
+        normal = dr.select(on_synthetic, mi.Vector3f(si.n), hit.normal)
         cones: Cones | None = None
         if bounds is not None:
             cones = bounds.cones(point)
@@ -256,7 +257,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             u: uniform random numbers that pick them.
             active: where it is wanted.
         """
-        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found = first_hit(self.surfaces.all, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
@@ -270,7 +271,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, directed, specular_scale)
         vertex = Vertex(
             point,
-            dr.select(on_synthetic, si.n, hit.normal),
+            dr.select(on_synthetic, mi.Vector3f(si.n), hit.normal),
             si,
             self.surfaces.materials.index(si, on_synthetic),
             support,

@@ -16,6 +16,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_solid_angles
+from lightdepth.kernel.tracing import first_hit, meets
 from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
@@ -190,7 +191,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         previous, previous_pdf = path.previous, path.previous_pdf
         context = mi.BSDFContext()
 
-        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found = first_hit(self.surfaces.all, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
@@ -219,7 +220,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
 
         # Line 16: algorithm 2.
         point = dr.select(on_synthetic, si.p, hit.point)
-        normal = dr.select(on_synthetic, si.n, hit.normal)
+        normal = dr.select(on_synthetic, mi.Vector3f(si.n), hit.normal)
         materials = self.surfaces.materials
         material = materials.index(si, on_synthetic)
         own = self.place.photograph.surface_radiance(hit, path.ray.d, on_support)
@@ -242,7 +243,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         value *= light.radiance / dr.maximum(pdf + bsdf_pdf, 1e-20)
         useful = (direct_support & (light_pdf > 0.0)) | (on_synthetic & (pdf > 0.0))
         toward_light = shadow_ray(point, normal, direction, distance)
-        blocked = self.surfaces.synthetic.ray_test(toward_light, coherent=False, active=useful)
+        blocked = meets(self.surfaces.synthetic, toward_light, useful)
         # Table 1: from synthetic points, what lies on support or behind it comes along sampled paths.
         beyond = leave(point, normal, direction)
         behind = self.surfaces.first_real(beyond, useful & on_synthetic & ~blocked)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.kernel.tracing import first_interaction, loop_mode, meets
 from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.place import Place
@@ -76,7 +77,7 @@ class LightSampling:
 
         In difference mode the result depends on whether the one shadow ray is blocked, so its candidates count as one.
         """
-        return self.map_share * dr.select(in_difference, 1.0, float(self._parameters.candidates))
+        return self.map_share * dr.select(in_difference, mi.Float(1.0), float(self._parameters.candidates))
 
     def direct(
         self,
@@ -114,7 +115,7 @@ class LightSampling:
         radiance = light.radiance * gain * self._place.transmittance(light, vertex.point)
         if self._has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
-            reference.p, reference.n = vertex.point, vertex.normal
+            reference.p, reference.n = vertex.point, mi.Normal3f(vertex.normal)
             position = mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
             sampled, weight = self._surfaces.all.sample_emitter_direction(
                 reference, position, False, active & ~from_map
@@ -256,21 +257,21 @@ class LightSampling:
             return mi.Float(1.0)
         if self._surfaces.materials.have_holes:
             return self._masked_transmittance(ray, active)
-        return dr.select(self._surfaces.synthetic.ray_test(ray, coherent=False, active=active), 0.0, 1.0)
+        return dr.select(meets(self._surfaces.synthetic, ray, active), mi.Float(0.0), 1.0)
 
     @dr.syntax
     def _masked_transmittance(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Float:
         """The same where materials have holes: from surface to surface."""
         materials = self._surfaces.materials
         ray, active, passed = mi.Ray3f(ray), mi.Bool(active), mi.Float(1.0)
-        while active:
-            si = self._surfaces.synthetic.ray_intersect(ray, mi.RayFlags.All, coherent=False, active=active)
+        while dr.hint(active, mode=loop_mode()):
+            si = first_interaction(self._surfaces.synthetic, ray, active)
             active &= si.is_valid()
             transmission = materials.null_transmission(materials.index(si, active), si, active)
             passed *= dr.select(active, dr.mean(transmission), 1.0)
             active &= passed > 0.0
             remaining = ray.maxt - si.t
-            ray = leave(si.p, si.n, ray.d, remaining)
+            ray = leave(si.p, mi.Vector3f(si.n), ray.d, remaining)
         return passed
 
 

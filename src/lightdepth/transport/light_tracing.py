@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.kernel.tracing import first_hit, loop_mode, meets
 from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import ObjectBounds
@@ -227,7 +228,7 @@ class LightTracer:
     @dr.syntax
     def _scattered_on_objects(self, path: LightPath) -> LightPath:
         """Follow paths from object to object until they end."""
-        while path.active:
+        while dr.hint(path.active, mode=loop_mode()):
             path = self._advance(path)
         return path
 
@@ -236,7 +237,7 @@ class LightTracer:
         sampler, ray, active = path.sampler, path.ray, mi.Bool(path.active)
         context = mi.BSDFContext(mi.TransportMode.Importance)
         first = path.scatterings == 0
-        found = self.surfaces.all.ray_intersect_preliminary(ray, coherent=False, active=active)
+        found = first_hit(self.surfaces.all, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
@@ -272,7 +273,7 @@ class LightTracer:
         )
         flux = dr.select(scattered, scattered_flux, path.flux)
         flux *= dr.select(connects, 1.0 / self.parameters.connection_probability, 1.0)
-        onward = leave(si.p, si.n, direction)
+        onward = leave(si.p, mi.Vector3f(si.n), direction)
         still = mi.Bool(scattered)
         if self.place.infinite:
             # Nothing real stands before a light that is infinitely far.
@@ -300,10 +301,11 @@ class LightTracer:
         on_object = path.arrived & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_object)
-        point, normal = dr.select(on_object, si.p, hit.point), dr.select(on_object, si.n, hit.normal)
+        point = dr.select(on_object, si.p, hit.point)
+        normal = dr.select(on_object, mi.Vector3f(si.n), hit.normal)
 
         camera = connect(point, path.sampler)
-        offset = camera.origin - point
+        offset = mi.Vector3f(camera.origin - point)
         distance = dr.norm(offset)
         outgoing = offset * dr.rcp(dr.maximum(distance, 1e-20))
         cosine, incoming_cosine = dr.dot(normal, outgoing), dr.dot(normal, incoming)
@@ -332,5 +334,5 @@ class LightTracer:
         radiance /= dr.maximum(angle * dr.square(distance), 1e-20)
         active = (on_support | on_object) & (dr.max(radiance) > 0.0)
         sight = shadow_ray(point, normal, outgoing, distance)
-        active &= ~self.surfaces.all.ray_test(sight, coherent=False, active=active)
+        active &= ~meets(self.surfaces.all, sight, active)
         return Splats(camera.film, radiance & active, on_object, active)
