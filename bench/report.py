@@ -212,7 +212,8 @@ def _captures() -> Iterator[str]:
             "Measured with `python -m bench captures`. A camera travels from the first capture point of the L-shaped room "
             "around the corner into the far leg, of which the first capture sees next to nothing; the second stands there, "
             "the third in the corner. Errors are root mean squares over all frames. The change from frame to frame is that "
-            "of plates 4 cm apart in the middle of the way, the largest that one pixel in a hundred exceeds.\n"
+            "of plates 4 cm apart in the middle of the way, the largest that one pixel in a hundred exceeds; what is above "
+            "the truth's is the noise of the panoramas, which moves with the surfaces.\n"
         )
         yield f"**{table['title']}**\n"
         yield _table(table["head"], table["rows"])

@@ -36,6 +36,9 @@ LEAST_IMPORTANCE = 0.05
 class Photographs(Photographed):
     """Photographs of one place, or a single one with a mask.
 
+    As picture, each of them is asked for its :class:`Sighting` of points and for what it shows there (``sharp_of``,
+    ``picture_at``, ``mirrored_at``); as light for its ``map`` and for samples of it (``drawn``).
+
     Args:
         panoramas: the photographs and their poses.
         surfaces: the real surfaces to trace.
