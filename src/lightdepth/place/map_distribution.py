@@ -178,6 +178,12 @@ class MapDistribution:
         row = dr.clip(mi.Int32(v * self.height), 0, self.height - 1)
         return mi.UInt32(row * self.width + column)
 
+    def pixels_around(self, direction: mi.Vector3f) -> list[mi.UInt32]:
+        """Indices of the four pixels between whose centres a unit vector in light space falls."""
+        u, v = direction_to_latlong(direction)
+        column, row = (mi.Int32(dr.floor(at - 0.5)) for at in (u * self.width, v * self.height))
+        return [self._index(column + i, row + j) for j in (0, 1) for i in (0, 1)]
+
     def sample(self, count: int, generator: np.random.Generator) -> tuple[NDArray[np.int64], mi.Vector3f]:
         """Draw directions by their density, stratified along the pixels' order, and put them in order.
 

@@ -312,7 +312,7 @@ class Photograph(Photographed):
         clarity, counts = mi.Float(1.0), mi.Float(1.0)
         if self._clarity is not None:
             clarity, counts = looked_up(self._clarity, w0, active)
-        clarity *= dr.select(finite, self._on_surface(mapped, depth, cosine), dr.select(dr.isinf(mapped), 1.0, 0.0))
+        clarity *= self._around_on_surface(w0, finite, depth, cosine)
         return Sighting(
             toward,
             w0,
@@ -423,10 +423,19 @@ class Photograph(Photographed):
         both_sky = dr.isinf(mapped) & dr.isinf(depth)
         return both_sky | (dr.abs(depth - mapped) <= tolerance * mapped)
 
-    def _on_surface(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Float:
-        """Fades from 1 to 0 as points leave the surface that the map shows; 0 where :meth:`_surely_unseen` is true."""
+    def _around_on_surface(self, w0: mi.Vector3f, finite: mi.Bool, depth: mi.Float, cosine: mi.Float) -> mi.Float:
+        """The largest :meth:`_on_surface` of the four pixels around directions: at silhouettes one alone may miss."""
+        result = mi.Float(0.0)
         if not self.surfaces.has_real:
             return mi.Float(1.0)
+        for index in self.map.pixels_around(w0):
+            mapped = dr.gather(mi.Float, self._depth, index)
+            sky = dr.select(dr.isinf(mapped), 1.0, 0.0)
+            result = dr.maximum(result, dr.select(finite, self._on_surface(mapped, depth, cosine), sky))
+        return result
+
+    def _on_surface(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Float:
+        """Fades from 1 to 0 as points leave the surface that the map shows; 0 where :meth:`_surely_unseen` is true."""
         allowed = (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * depth
         off = dr.select(dr.isfinite(mapped), dr.abs(depth - mapped) * cosine / allowed, 2.0)
         t = dr.clip(2.0 - 2.0 * off, 0.0, 1.0)
