@@ -88,7 +88,7 @@ def test_the_shares_add_up_where_anything_is_seen(place):
 def test_at_a_capture_point_its_photograph_is_seen_alone(place, own):
     _, both = shares(place, CAPTURES[own])
     # At edges, the pixel's centre and the ray may meet different surfaces.
-    assert (both[own] == 1.0).mean() > 0.995
+    assert (both[own] > 1.0 - 1e-3).mean() > 0.995
 
 
 def test_what_one_photograph_cannot_see_is_the_others(place):

@@ -13,7 +13,7 @@ from functools import reduce
 import drjit as dr
 import mitsuba as mi
 
-SAME_DIRECTION = 1e-9
+SAME_DIRECTION = 1e-13
 """Squared angle below which a photograph is taken to have been made from where the point is looked at."""
 SKY = 100.0
 """Metres to which the sky is brought for comparing directions, so that a nearer capture point counts for more."""
@@ -91,7 +91,7 @@ def weigh(
     quality = texels
     if origin is not None and direction is not None:
         quality = [
-            value / (_squared_angle(sighting, finite, direction, origin, capture) + SAME_DIRECTION)
+            value * dr.rsqrt(_squared_angle(sighting, finite, direction, origin, capture) + SAME_DIRECTION)
             for value, sighting, capture in zip(texels, sightings, captures, strict=True)
         ]
     counting = [
