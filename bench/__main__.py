@@ -85,6 +85,31 @@ def truth(
     console.print(f"truth and the methods, top to bottom: {RESULTS / table['picture']}", highlight=False, markup=False)
 
 
+@app.command()
+def suns() -> None:
+    """Rooms whose sun the capture point does not see: bias with the sun declared, recovered and missing, and its cost."""
+    from bench.missing_light import keep
+    from bench.suns import EFFORT
+    from bench.suns import suns as measure_suns
+
+    tables = measure_suns(EFFORT, console)
+    keep("suns", tables)
+    for table in tables:
+        _print_table(table)
+
+
+@app.command()
+def clipped() -> None:
+    """Panoramas clipped on purpose: the sun that is recovered, and the depth of its shadows."""
+    from bench.clipped import clipped as measure_clipped
+    from bench.missing_light import keep
+
+    tables = measure_clipped(console)
+    keep("clipped", tables)
+    for table in tables:
+        _print_table(table)
+
+
 def _print_table(table: dict[str, Any]) -> None:
     console.print(f"\n{table['title']}", markup=False)
     for row in [table["head"], *table["rows"]]:

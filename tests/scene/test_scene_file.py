@@ -313,6 +313,12 @@ def test_no_file_no_scene(tmp_path):
         load_scene(tmp_path / "none.toml")
 
 
+@pytest.mark.parametrize("scale", ["1e308", "1e39"])
+def test_a_scale_that_no_radiance_survives_is_refused(write_scene, scale):
+    with pytest.raises(InputError, match="scale = .*becomes larger than a number of 32 bits"):
+        load_scene(write_scene(panorama=f"scale = {scale}"))
+
+
 def test_bad_radiance_is_refused_and_repaired(write_scene, scene_folder):
     radiance = np.full((8, 16), 0.5, np.float32)
     radiance[3, 4] = np.nan

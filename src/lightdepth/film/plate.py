@@ -139,7 +139,7 @@ def _resampled(
             dr.make_opaque(offset, lens)
             within = 0.5 + (offset - 0.5) * margin if blurred else offset
             seen = view.pixel_rays(band.column, band.row, within, lens)
-            hit = place.surfaces.first_real(seen.ray, seen.inside)
+            hit = place.surfaces.first_real(seen.ray, seen.inside, coherent=True)
             total += place.photograph.sharp(hit, seen.ray) & seen.inside
             share += dr.select(seen.inside, 1.0, 0.0)
             dr.eval(total, share)

@@ -29,6 +29,7 @@ from lightdepth.recovery.unseen_albedo import recover_unseen
 from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.model import Gloss, RealSurface, Role, Scene
 from lightdepth.store import Store
+from lightdepth.work import work
 
 KEPT = 2
 """Prepared places that a process keeps."""
@@ -88,7 +89,8 @@ def prepare_place(
     arrays = None if store is None else store.read(key)
     recovered = None if arrays is None else _unpacked(arrays, modelled)
     if recovered is None:
-        recovered = _recover(scene, empty, modelled, parameters)
+        with work(_paths(scene.render.irradiance_samples, parameters)):
+            recovered = _recover(scene, empty, modelled, parameters)
         if store is not None:
             store.write(key, _packed(recovered), str(scene.panorama.path or "made in memory"))
     real, errors = recovered.real, recovered.errors
@@ -135,6 +137,12 @@ def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: Rec
     real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
     return _Recovered(real, errors, recover_mirrored(empty, modelled, parameters=parameters))
+
+
+def _paths(samples: int, parameters: RecoveryParameters) -> float:
+    """Paths that recovery follows, at most: at the vertices of the mesh, and at the points by which it is checked."""
+    vertices = min(parameters.most_vertices, parameters.vertices_a_sample * samples)
+    return float(samples * (vertices + parameters.check_points * parameters.check_samples))
 
 
 def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:

@@ -18,6 +18,7 @@ from lightdepth.place.light_list import LightList
 from lightdepth.place.place import Place
 from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
 from lightdepth.place.traced_surfaces import leave, shadow_ray
+from lightdepth.work import advance
 
 LANES = 1 << 21
 """Samples that are traced at once."""
@@ -115,6 +116,7 @@ def _estimate(
             value = _scattered(place, lights, point, normal, lobe, mi.Float(lane % each), shift, mi.Float(each))
             dr.eval(value)  # At once: each channel by itself would trace all rays again.
             result[chunk] = np.stack([dr.block_sum(channel, half).numpy() for channel in value], axis=1) / half
+            advance(len(chunk) * half)
     mean = results.mean(axis=0)
     difference = (results[0] - results[1]).mean(axis=1) / np.maximum(results.sum(axis=0).mean(axis=1), 1e-30)
     # By the median, since points that are all but dark have any relative error.

@@ -188,7 +188,8 @@ def _panorama(number: int, pose: CapturePose, picture: Picture | None, repair: b
     if picture.depth is not None:
         with problems.noting(("panorama", number)):
             panorama = replace(panorama, depth=read_depth(picture.depth))
-    factor = np.float32(picture.scale) * np.asarray(picture.gain or (1.0, 1.0, 1.0), np.float32)
+    with np.errstate(over="ignore"):
+        factor = np.float32(picture.scale) * np.asarray(picture.gain or (1.0, 1.0, 1.0), np.float32)
     with problems.noting(("panorama", number)):
         image = read_panorama(picture.image)
         found = image.radiance
@@ -218,7 +219,13 @@ def _panorama(number: int, pose: CapturePose, picture: Picture | None, repair: b
 
 
 def _scaled(radiance: NDArray[np.float32], factor: NDArray[np.float32]) -> NDArray[np.float32]:
-    return radiance if (factor == 1.0).all() else radiance * factor
+    if (factor == 1.0).all():
+        return radiance
+    with np.errstate(over="ignore"):
+        scaled = radiance * factor
+    if not np.isfinite(scaled).all():
+        raise InputError(f"scale = {factor.max():g}: the radiance becomes larger than a number of 32 bits")
+    return scaled
 
 
 def _check_size(path: Path, key: str, image: NDArray[np.float32], panorama: NDArray[np.float32]) -> None:
