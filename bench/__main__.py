@@ -1,4 +1,4 @@
-"""The benchmark's command line: ``python -m bench``, ``python -m bench truth`` and ``python -m bench cost``."""
+"""The benchmark's command line: ``python -m bench`` and its parts ``truth``, ``cost`` and ``gloss``."""
 
 from __future__ import annotations
 
@@ -83,6 +83,14 @@ def truth(
     keep(table)
     _print_table(table)
     console.print(f"truth and the methods, top to bottom: {RESULTS / table['picture']}", highlight=False, markup=False)
+
+
+@app.command()
+def gloss(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> None:
+    """A polished floor from a camera elsewhere, with and without its gloss; print the errors."""
+    from bench.gloss import table
+
+    _print_table(table(quick, console))
 
 
 @app.command()

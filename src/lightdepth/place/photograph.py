@@ -286,6 +286,10 @@ class Photograph(Photographed):
         """As the base says."""
         return [np.ones(dr.width(point), np.float32)]
 
+    def surface_shares(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> list[NDArray[np.float32]]:
+        """As the base says."""
+        return [np.ones(dr.width(hit.point), np.float32)]
+
     def faced(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
         """As the base says."""
         return np.asarray(np.einsum("ij,ij->i", normals, points - self.capture) < 0.0)

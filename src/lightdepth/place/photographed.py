@@ -92,6 +92,10 @@ class Photographed(RealLight):
         """Share of each photograph in what points send, shapes (n,); the arguments are those of :meth:`sight`."""
 
     @abstractmethod
+    def surface_shares(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> list[NDArray[np.float32]]:
+        """Share of each photograph in :meth:`surface_radiance`, whose arguments these are; shapes (n,)."""
+
+    @abstractmethod
     def faced(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
         """Which points, of those that are seen, are seen from the side of their normals; shape (n,).
 

@@ -148,6 +148,11 @@ class Photographs(Photographed):
         weights = weigh(self._sightings(point, normal, finite, normal, finite), normal, finite)
         return [share.numpy() for share in weights.shares]
 
+    def surface_shares(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> list[NDArray[np.float32]]:
+        """As the base says."""
+        _, weights = self._of_surface(hit, direction, active)
+        return [share.numpy() for share in weights.shares]
+
     def faced(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
         """As the base says."""
         point, normal = (mi.Vector3f(*map(mi.Float, aligned_columns(each))) for each in (points, normals))

@@ -23,7 +23,7 @@ from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.gains import solve_gains
-from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
+from lightdepth.recovery.specular import fit_glosses, fitted_glosses, recover_mirrored
 from lightdepth.recovery.support_irradiance import IrradianceErrors, recover_irradiance
 from lightdepth.recovery.unseen_albedo import recover_unseen
 from lightdepth.scene.identity import digest, place_digest
@@ -99,7 +99,7 @@ def prepare_place(
     if modelled.deformed:
         place = Place(scene.panoramas, surfaces, infinite, suns=scene.lights, gains=balance.gains)
     if recovered.mirrored:
-        place = place.with_mirrored(recovered.mirrored)
+        place = place.with_mirrored(recovered.mirrored, real.glosses)
     prepared = PreparedPlace(place, real, errors, balance.gains)
     with _lock:
         _kept[key] = prepared
@@ -130,10 +130,16 @@ class _Recovered:
 def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: RecoveryParameters) -> _Recovered:
     generator = np.random.default_rng(scene.render.seed)
     samples = scene.render.irradiance_samples
+    as_seen = empty
+    glosses = (
+        fit_glosses(empty, modelled, parameters=parameters)
+        if empty.infinite
+        else fitted_glosses(scene, modelled, lambda: as_seen, parameters)
+    )
     if not (empty.infinite or modelled.deformed or scene.render.draft):  # It would be a quarter of a draft's time.
         empty, modelled = recover_unseen(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
-    modelled = with_fitted_glosses(empty, modelled, parameters)
+    modelled = replace(modelled, glosses=glosses)
     real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
     return _Recovered(real, errors, recover_mirrored(empty, modelled, parameters=parameters))

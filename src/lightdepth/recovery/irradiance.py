@@ -80,6 +80,33 @@ def estimate_mirrored(
     """
     outgoing = (place.capture if capture is None else capture) - points
     outgoing /= np.maximum(np.linalg.norm(outgoing, axis=1, keepdims=True), 1e-12)
+    return estimate_specular(place, points, normals, outgoing, lobes, gloss, generator, samples, parameters)
+
+
+def estimate_specular(
+    place: Place,
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    outgoing: NDArray[np.floating],
+    lobes: SpecularLobes,
+    gloss: NDArray[np.uint32],
+    generator: np.random.Generator,
+    samples: int,
+    parameters: RecoveryParameters = DEFAULT,
+) -> NDArray[np.float32]:
+    """:func:`estimate_mirrored` toward any directions.
+
+    Args:
+        place: as for :func:`estimate_mirrored`, like all others but one.
+        points: likewise.
+        normals: likewise.
+        outgoing: toward the eye, unit, world, shape (n, 3).
+        lobes: likewise.
+        gloss: likewise.
+        generator: likewise.
+        samples: likewise.
+        parameters: likewise.
+    """
     return _estimate(place, points, normals, outgoing, lobes, gloss, 0.0, generator, samples, parameters)[0]
 
 
@@ -87,7 +114,7 @@ def _estimate(
     place: Place,
     points: NDArray[np.float32],
     normals: NDArray[np.float32],
-    outgoing: NDArray[np.float64] | NDArray[np.float32],
+    outgoing: NDArray[np.floating],
     lobes: SpecularLobes,
     gloss: NDArray[np.uint32],
     albedo: float,
@@ -96,6 +123,8 @@ def _estimate(
     parameters: RecoveryParameters = DEFAULT,
 ) -> tuple[NDArray[np.float32], float]:
     """Scattered radiance from two independent halves: their mean, and the typical relative error of it."""
+    if not len(points):
+        return np.zeros((0, 3), np.float32), 0.0
     half = samples // 2
     each = dr.opaque(mi.UInt32, half)  # Not a literal, with which every count would compile a kernel of its own.
     count = min(parameters.light_samples, parameters.lights_per_sample * samples)
@@ -120,7 +149,7 @@ def _estimate(
     mean = results.mean(axis=0)
     difference = (results[0] - results[1]).mean(axis=1) / np.maximum(results.sum(axis=0).mean(axis=1), 1e-30)
     # By the median, since points that are all but dark have any relative error.
-    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference))) if len(points) else 0.0
+    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference)))
 
 
 def _scattered(
