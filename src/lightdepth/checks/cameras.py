@@ -135,10 +135,8 @@ def _directions(view: CameraView) -> NDArray[np.float64]:
         return everywhere
     local = everywhere @ view.rotation
     if isinstance(camera, Perspective):
-        half = np.tan(np.radians(0.5 * camera.fov))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x, z = local[:, 0] / local[:, 1], local[:, 2] / local[:, 1]
-        seen = (local[:, 1] > 0.0) & (np.abs(x) < half) & (np.abs(z) < half * camera.height / camera.width)
+        film, seen = camera.film_of(local)
+        seen &= ((film > 0.0) & (film < 1.0)).all(axis=1)
     else:
         fov = camera.fov if isinstance(camera, Fisheye) else 360.0
         seen = local[:, 1] > np.cos(np.radians(min(0.5 * fov, 180.0)))
