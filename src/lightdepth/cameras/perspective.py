@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from functools import cached_property
+from functools import cache
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -206,21 +206,21 @@ class Perspective(Camera):
         nearness = dr.rcp(dr.maximum(depth, 1e-3))
         return self.aperture * pixels * dr.abs(nearness - 1.0 / self._sharp_distance())
 
-    @cached_property
+    @property
     def _lens(self) -> RadialDistortion:
         return RadialDistortion(*self.distortion)
 
-    @cached_property
+    @property
     def _farthest_corner(self) -> float:
         """Distance of the farthest corner from the principal point, in focal lengths."""
         x, y = (max(abs(share), abs(1.0 - share)) for share in self.centre)
         return 2.0 * self._half_width() * math.hypot(x, y * self.height / self.width)
 
-    @cached_property
+    @property
     def _steps(self) -> int:
-        return self._lens.steps(self._farthest_corner)
+        return _steps(self._lens, self._farthest_corner)
 
-    @cached_property
+    @property
     def _largest_square(self) -> float:
         """Square of the undistorted radius of what the farthest corner shows, and a little more."""
         farthest = min(1.01 * self._farthest_corner, self._lens.farthest)
@@ -236,3 +236,8 @@ class Perspective(Camera):
 
         disk = self.aperture * mi.warp.square_to_uniform_disk_concentric(lens)
         return mi.Point3f(disk.x, 0.0, disk.y)
+
+
+@cache
+def _steps(lens: RadialDistortion, largest: float) -> int:
+    return lens.steps(largest)

@@ -24,6 +24,7 @@ from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.recover import app as recover
 from lightdepth.cli.render import render
 from lightdepth.cli.serve import serve
+from lightdepth.cli.stmap import app as stmap
 from lightdepth.cli.where import where
 from lightdepth.errors import InputWarning, LightdepthError
 
@@ -64,6 +65,7 @@ app.add_typer(recover, name="recover", help="Light that the photograph lacks, fr
 app.command()(lightmap)
 app.command(context_settings={"ignore_unknown_options": True})(where)  # Points may begin with a minus.
 app.command()(check)
+app.add_typer(stmap, name="stmap", help="Lens distortion as ST maps, for compositing programs.")
 app.command()(render)
 app.command()(merge)
 app.command()(serve)
