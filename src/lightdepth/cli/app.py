@@ -13,7 +13,7 @@ from rich.console import Console
 
 from lightdepth.cli import capture
 from lightdepth.cli.cache import cache
-from lightdepth.cli.calibrate import calibrate
+from lightdepth.cli.calibrate import app as calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
@@ -59,7 +59,7 @@ def _options(
 app.command()(new)
 app.add_typer(capture.app, name="capture")
 app.command()(preview)
-app.command()(calibrate)
+app.add_typer(calibrate, name="calibrate", help="Poses from clicks: of the panorama, or (view) of a photograph.")
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)
