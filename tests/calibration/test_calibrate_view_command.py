@@ -1,7 +1,10 @@
 """`lightdepth calibrate view` as a person runs it, and projects of fSpy."""
 
 import json
+import re
+import shlex
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -111,6 +114,15 @@ def test_points_that_the_panorama_shows_too(room, photo, tmp_path):
     check_pose(room, run(photo, *matches, *lens, "--scene", tmp_path / "flat.toml"))
     up = f"600,400 = {text(room.pixels(np.array([[1, 2, 2.7]]), 256))}"
     assert "shows no real surface" in failure(photo, "--match", up, "--scene", tmp_path / "flat.toml")
+
+
+def test_the_command_of_the_document(room, photo):
+    document = (Path(__file__).parents[2] / "docs/view-calibration.md").read_text(encoding="utf-8")
+    command = re.search(r"^\$ lightdepth calibrate view plate.png (.*) --picture check.png$", document, re.MULTILINE)[1]
+    report = run(photo, *shlex.split(command))
+    for key in ("rotation", "position", "distortion"):
+        shown = re.search(rf"^{key} +(.*)$", document, re.MULTILINE)[1].split()
+        np.testing.assert_allclose(report[key], np.array(shown[: len(report[key])], float), atol=2e-3)
 
 
 def test_field_of_view_of_the_exif_data(room, photo, lines):

@@ -141,13 +141,15 @@ def test_clicks_of_one_pixel_of_noise():
         )
         found = calibrate_view(cues)
         alarms += found.probability < FALSE_ALARM
-        grid = np.stack(np.meshgrid(np.linspace(0.02, 0.98, 9), np.linspace(0.02, 0.98, 9)), axis=-1).reshape(-1, 2)
-        again = found.camera.film_of(photo.camera.directions_of(grid) @ photo.rotation.T @ found.rotation)[0]
+        # Points that were not clicked, as the two cameras show them.
+        others = ROOM * photo.random.uniform(0, 1, (400, 3))
+        others = others[photo.pixels(others)[1] & (np.linalg.norm(others - photo.position, axis=1) > 1.0)]
+        again = found.camera.film_of((others - found.position) @ found.rotation)[0] * SIZE
         errors.append(
             [
                 angle_between(found.rotation, photo.rotation),
                 100 * photo.focal_error(found),
-                np.sqrt(np.mean(np.sum(((again - grid) * SIZE) ** 2, axis=1))),
+                np.sqrt(np.mean(np.sum((again - photo.pixels(others)[0]) ** 2, axis=1))),
                 found.direction_error,
                 np.linalg.norm(found.position - photo.position) / found.position_error,
             ]
