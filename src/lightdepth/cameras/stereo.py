@@ -34,8 +34,7 @@ class Stereo(Camera):
     def _apart(cls, value: float) -> float:
         if not 0.0 < value <= 1.0:
             raise ValueError(
-                f"interocular_distance must be greater than 0 and at most 1 metre, not {value:g}; "
-                "a picture without stereo has a camera for one eye"
+                "must be greater than 0 and at most 1 metre; a picture without stereo has a camera for one eye"
             )
         return value
 
