@@ -46,18 +46,27 @@ def scene(tmp_path_factory):
 def worker(tmp_path_factory):
     """The command as a machine of a farm has it."""
     path = tmp_path_factory.mktemp("bin") / "lightdepth"
-    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" -c "from lightdepth.cli.app import main; main()" "$@"\n')
+    path.write_text(
+        f"""#!/bin/sh
+"{sys.executable}" -c "from lightdepth.cli.app import main; main()" "$@" &
+if [ -n "$DIES_AFTER" ]; then
+    until [ -e "$DIES_AFTER" ] || ! kill -0 $!; do sleep 0.02; done
+    kill -9 $!
+fi
+wait $!
+"""
+    )
     path.chmod(0o755)
     return path
 
 
-def openjd(*arguments):
+def openjd(*arguments, **environment):
     pytest.importorskip("openjd.cli", reason="the package openjd-cli is the referee")
-    return call(sys.executable, "-m", "openjd", *arguments)
+    return call(sys.executable, "-m", "openjd", *arguments, **environment)
 
 
 def test_an_open_job_is_checked_and_rendered_by_its_own_runner(scene, worker, tmp_path):
-    """Two chunks, of which the first fails and is run again: nothing is lost or made twice."""
+    """Two chunks; the first worker is killed after its first frame. Run again, nothing is lost or made twice."""
     out = tmp_path / "out of it"
     made = farm(
         "openjd", scene, tmp_path / "job", "--frames", "1-3", "--chunk", "2",
@@ -70,11 +79,16 @@ def test_an_open_job_is_checked_and_rendered_by_its_own_runner(scene, worker, tm
     values = json.loads((tmp_path / "job" / "parameter_values.json").read_text())["parameterValues"]
     given = {each["name"]: each["value"] for each in values} | {"Lightdepth": str(worker)}
     (tmp_path / "values.json").write_text(json.dumps(given))
-    run = openjd(
-        "run", template, "--step", "Render", "-p", f"file://{tmp_path / 'values.json'}",
-        "--extensions", "TASK_CHUNKING",
-    )  # fmt: skip
+    command = ("run", template, "--step", "Render", "--extensions", "TASK_CHUNKING")
+    command += ("-p", f"file://{tmp_path / 'values.json'}")
+    first = out / "shot.0001.exr"
+    lost = openjd(*command, DIES_AFTER=str(first))
+    assert lost.returncode != 0
+    assert not (out / "shot.0003.exr").exists()
+    made_at = first.stat().st_mtime_ns
+    run = openjd(*command)
     assert run.returncode == 0, run.stdout + run.stderr
+    assert first.stat().st_mtime_ns == made_at
     assert {path.name for path in out.iterdir()} == {
         f"shot.000{n}.{kind}" for n in (1, 2, 3) for kind in ("exr", "png")
     }

@@ -20,7 +20,6 @@ from lightdepth.directions import pixel_directions  # noqa: E402
 from lightdepth.errors import SetupError  # noqa: E402
 from lightdepth.film.denoising import (  # noqa: E402
     TILE,
-    WIDE_MARGIN,
     _boxes,
     _changed_tiles,
     _margins,
@@ -28,6 +27,7 @@ from lightdepth.film.denoising import (  # noqa: E402
     denoise,
 )
 from lightdepth.film.frame import Frame  # noqa: E402
+from lightdepth.parameters.denoising import DEFAULT  # noqa: E402
 
 HEIGHT, WIDTH = 128, 256
 PANORAMA = Spherical((Rectangle(0, HEIGHT, 0, WIDTH),))
@@ -130,7 +130,7 @@ def test_only_what_is_new_is_filtered(denoised):
     (chart,) = frame.topology.charts
     tiles = np.zeros((HEIGHT // TILE, WIDTH // TILE), bool)
     tiles[[5, 6, 0], [12, 12, 0]] = True
-    rectangles = [window.rectangle for window in _windows(frame.topology, chart, tiles)]
+    rectangles = [window.rectangle for window in _windows(frame.topology, chart, tiles, DEFAULT)]
     assert sorted((each.top, each.bottom, each.left, each.right) for each in rectangles) == [
         (0, 16, 0, 16),
         (80, 112, 192, 208),
@@ -144,13 +144,13 @@ def test_boxes_hold_every_tile_and_little_else():
     """Of an L, whose long arms a single box would fill with what is not there."""
     tiles = np.zeros((40, 60), bool)
     tiles[:, :4], tiles[36:] = True, True
-    boxes, held = _boxes(tiles, endless=False), np.zeros_like(tiles)
+    boxes, held = _boxes(tiles, False, DEFAULT), np.zeros_like(tiles)
     for box in boxes:
         held[box.slices] = True
     assert (held >= tiles).all()
     assert sum(box.height * box.width for box in boxes) < 1.05 * tiles.sum()
     # Each is shown more where the layer goes on beyond it, and only there.
-    assert all(_margins(box, tiles, endless=False).count(WIDE_MARGIN) in (1, 2) for box in boxes)
+    assert all(_margins(box, tiles, False, DEFAULT).count(DEFAULT.wide_margin) in (1, 2) for box in boxes)
 
 
 def test_a_faint_change_is_denoised_without_the_network(denoised):
@@ -161,7 +161,7 @@ def test_a_faint_change_is_denoised_without_the_network(denoised):
     noisy = truth * random.gamma(12.0, 1 / 12.0, (96, 288, 1)).astype(np.float32)
     nothing = np.zeros_like(plate)
     frame = Frame(plate, noisy, nothing, nothing[..., 0], nothing[..., 0] + 1.0)
-    there, strong = _changed_tiles(frame, frame.topology.charts[0], np.float32(0.0))
+    there, strong = _changed_tiles(frame, frame.topology.charts[0], np.float32(0.0), DEFAULT)
     assert there.all()
     assert (strong == (np.arange(18) >= 12)).all()
     result = denoise(frame).change

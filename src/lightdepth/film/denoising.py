@@ -17,36 +17,15 @@ from lightdepth.film.frame import Frame
 from lightdepth.film.outliers import settle
 from lightdepth.images.tonemapping import MIDDLE_GREY
 from lightdepth.packages import optional_package
+from lightdepth.parameters.denoising import DEFAULT, DenoisingParameters
 
-MARGIN, WIDE_MARGIN = 32, 64
-"""Pixels that the network is shown around a box, where little is there, and where the layer goes on beyond the box: what
-is farther away changes a pixel by less than half a percent."""
 PIXELS_AT_ONCE = 2**21
 """Largest area of a box: bounds the memory."""
-BOX_COST = 5000
-"""Pixels that are filtered in the time that a box takes in itself, in which the network is built for its size."""
 TILE = 16
 """Side of the tiles that boxes are made of, pixels."""
-FAINT, FAINT_NOISE, FAINT_STEP = 0.03, 0.05, 0.008
-"""Largest mean and root mean square in a tile, and difference between the means of neighbouring tiles, of the change as a
-share of the photograph, that a blur denoises."""
-FAINT_BLUR = 6.0
-"""Standard deviation of this blur, pixels."""
-HOLE = 9
-"""Pixels across the largest hole in it that counts as changed as well."""
-RAMP = 8
-"""Pixels over which the network's result goes over into the blurred one."""
-MINOR = 0.25
-"""Largest share of a change that is so small a part of it that the fast network denoises it as well."""
-MOST_ERRORS = 3.0
-"""Standard errors by which the network may change a pixel: it blurs edges that the samples show sharply."""
-FEWEST = 4
-"""Samples of a pixel from which on their spread is an estimate of its error."""
-DARK = 0.02
-"""Share of the photograph's median that is added where the change is divided by the photograph."""
 
 
-def denoise(frame: Frame) -> Frame:
+def denoise(frame: Frame, tuned: DenoisingParameters = DEFAULT) -> Frame:
     """Denoise a frame's change and synthetic radiance; its photograph and every other layer stay as they are.
 
     The change is denoised as a share of the photograph, in which the photograph's texture cancels: on a diffuse surface
@@ -58,6 +37,7 @@ def denoise(frame: Frame) -> Frame:
 
     Args:
         frame: as rendered; albedo and normals, which have no noise, guide the filter where the frame has them.
+        tuned: the denoiser's parameters.
 
     Returns:
         A new frame, which shares the other layers; its metadata says that it was denoised.
@@ -67,20 +47,20 @@ def denoise(frame: Frame) -> Frame:
     """
     oidn = optional_package("mitsuba_oidn", "denoise")
     change, synthetic = np.zeros_like(frame.change), np.zeros_like(frame.synthetic)
-    floor = np.float32(DARK * np.median(frame.plate[::4, ::4]) + 1e-12)
+    floor = np.float32(tuned.dark * np.median(frame.plate[::4, ::4]) + 1e-12)
     scale = _input_scale(_some(frame.synthetic))
     change_scale = _input_scale(_some(frame.change) / (_some(frame.plate) + floor))
     for chart in frame.topology.charts:
         there = _tiles(_touched(frame.synthetic[chart.slices])[:, :, 0], np.any)
-        for window in _windows(frame.topology, chart, there):
+        for window in _windows(frame.topology, chart, there, tuned):
             here = window.rectangle.slices
-            synthetic[here] = _denoised_synthetic(_Network.around(window, frame, oidn), frame, window, scale)
-        there, strong = _changed_tiles(frame, chart, floor)
-        for window in _windows(frame.topology, chart, there & ~strong):
-            change[window.rectangle.slices] = _blurred_change(frame, window, floor)
-        for window in _windows(frame.topology, chart, strong, RAMP):
-            clean = _denoised_change(_Network.around(window, frame, oidn), frame, window, change_scale, floor)
-            share = _ramp(strong, window.rectangle.moved(-chart.top, -chart.left))[:, :, None]
+            synthetic[here] = _denoised_synthetic(_Network.around(window, frame, oidn), frame, window, scale, tuned)
+        there, strong = _changed_tiles(frame, chart, floor, tuned)
+        for window in _windows(frame.topology, chart, there & ~strong, tuned):
+            change[window.rectangle.slices] = _blurred_change(frame, window, floor, tuned)
+        for window in _windows(frame.topology, chart, strong, tuned, tuned.ramp):
+            clean = _denoised_change(_Network.around(window, frame, oidn), frame, window, change_scale, floor, tuned)
+            share = _ramp(strong, window.rectangle.moved(-chart.top, -chart.left), tuned)[:, :, None]
             change[window.rectangle.slices] += share * (clean - change[window.rectangle.slices])
     facts = {**frame.metadata, "denoised": "change, synthetic"}
     return replace(frame, change=change, synthetic=synthetic, metadata=facts)
@@ -93,7 +73,9 @@ def _tiles(pixels: NDArray[Any], reduce: Callable[..., NDArray[Any]]) -> NDArray
     return reduce(padded.reshape(len(padded) // TILE, TILE, -1, TILE), axis=(1, 3))
 
 
-def _changed_tiles(frame: Frame, chart: Rectangle, floor: np.float32) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _changed_tiles(
+    frame: Frame, chart: Rectangle, floor: np.float32, tuned: DenoisingParameters
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Tiles of a chart that hold any change, and those of them where it is not faint."""
     means, noises, theres = [], [], []
     rows = max(1, PIXELS_AT_ONCE // (2 * TILE * chart.width)) * TILE
@@ -107,47 +89,55 @@ def _changed_tiles(frame: Frame, chart: Rectangle, floor: np.float32) -> tuple[N
     square = np.ones((3, 3), np.uint8)
     most, least = (np.where(there[:, :, None], mean, far).astype(np.float32) for far in (-1e3, 1e3))
     step = (cv2.dilate(most, square) - cv2.erode(least, square)).max(axis=2)
-    faint = (np.abs(mean).max(axis=2) <= FAINT) & (noise <= FAINT_NOISE) & (step <= FAINT_STEP)
+    faint = (np.abs(mean).max(axis=2) <= tuned.faint) & (noise <= tuned.faint_noise) & (step <= tuned.faint_step)
     return there, there & ~faint
 
 
-def _ramp(strong: NDArray[np.bool_], rectangle: Rectangle) -> NDArray[np.float32]:
-    """How much the network counts at the pixels of a rectangle: all in strong tiles, nothing farther than ``RAMP``.
+def _ramp(strong: NDArray[np.bool_], rectangle: Rectangle, tuned: DenoisingParameters) -> NDArray[np.float32]:
+    """How much the network counts at the pixels of a rectangle: all in strong tiles, nothing farther than ``tuned.ramp``.
 
     Args:
         strong: which tiles of a chart are.
         rectangle: of the chart, counted from its corner.
+        tuned: the denoiser's parameters.
     """
     top, left = rectangle.top // TILE, rectangle.left // TILE
     bottom, right = -(-rectangle.bottom // TILE), -(-rectangle.right // TILE)
     tiles = np.pad(strong.astype(np.float32), 1, mode="edge")[top : bottom + 2, left : right + 2]
     pixels = np.repeat(np.repeat(tiles, TILE, axis=0), TILE, axis=1)
-    share = cv2.blur(cv2.dilate(pixels, np.ones((RAMP + 1, RAMP + 1), np.uint8)), (RAMP + 1, RAMP + 1))
+    share = cv2.blur(
+        cv2.dilate(pixels, np.ones((tuned.ramp + 1, tuned.ramp + 1), np.uint8)), (tuned.ramp + 1, tuned.ramp + 1)
+    )
     first, begin = rectangle.top - (top - 1) * TILE, rectangle.left - (left - 1) * TILE
     return np.asarray(share[first : first + rectangle.height, begin : begin + rectangle.width])
 
 
-def _windows(topology: Topology, chart: Rectangle, tiles: NDArray[np.bool_], around: int = 0) -> Iterator[Window]:
+def _windows(
+    topology: Topology, chart: Rectangle, tiles: NDArray[np.bool_], tuned: DenoisingParameters, around: int = 0
+) -> Iterator[Window]:
     """Windows that together show some tiles of a chart and ``around`` pixels more, and little else."""
-    for box in _boxes(tiles, topology.endless):
+    for box in _boxes(tiles, topology.endless, tuned):
         top, bottom = max(box.top * TILE - around, 0), min(box.bottom * TILE + around, chart.height)
         left, right = max(box.left * TILE - around, 0), min(box.right * TILE + around, chart.width)
-        above, below, before, after = _margins(box, tiles, topology.endless)
-        rows = max(WIDE_MARGIN, PIXELS_AT_ONCE // (right - left))
+        above, below, before, after = _margins(box, tiles, topology.endless, tuned)
+        rows = max(tuned.wide_margin, PIXELS_AT_ONCE // (right - left))
         for first in range(top, bottom, rows):
             end = min(first + rows, bottom)
             part = Rectangle(first, end, left, right).moved(chart.top, chart.left)
-            over, under = above if first == top else WIDE_MARGIN, below if end == bottom else WIDE_MARGIN
+            over, under = above if first == top else tuned.wide_margin, below if end == bottom else tuned.wide_margin
             yield topology.window(chart, part, (over, under, before, after))
 
 
-def _margins(box: Rectangle, tiles: NDArray[np.bool_], endless: bool) -> tuple[int, int, int, int]:
+def _margins(
+    box: Rectangle, tiles: NDArray[np.bool_], endless: bool, tuned: DenoisingParameters
+) -> tuple[int, int, int, int]:
     """Pixels that a box of tiles is shown with above, below, to the left and to the right.
 
     Args:
         box: counted in tiles.
         tiles: those of a chart that matter.
         endless: whether the picture goes on beyond the chart.
+        tuned: the denoiser's parameters.
     """
     above, below = slice(max(box.top - 1, 0), box.top), slice(box.bottom, box.bottom + 1)
     before, after = slice(max(box.left - 1, 0), box.left), slice(box.right, box.right + 1)
@@ -159,18 +149,18 @@ def _margins(box: Rectangle, tiles: NDArray[np.bool_], endless: bool) -> tuple[i
         tiles[rows, before].any() or (endless and box.left == 0),
         tiles[rows, after].any() or (endless and box.right == width),
     )
-    above_box, below_box, before_box, after_box = (WIDE_MARGIN if each else MARGIN for each in on)
+    above_box, below_box, before_box, after_box = (tuned.wide_margin if each else tuned.margin for each in on)
     return above_box, below_box, before_box, after_box
 
 
-def _boxes(tiles: NDArray[np.bool_], endless: bool) -> list[Rectangle]:
+def _boxes(tiles: NDArray[np.bool_], endless: bool, tuned: DenoisingParameters) -> list[Rectangle]:
     """Rectangles that hold all marked tiles of a chart, cut where that leaves less to filter; counted in tiles."""
 
     def cost(boxes: Sequence[Rectangle]) -> float:
         total = 0.0
         for box in boxes:
-            above, below, before, after = _margins(box, tiles, endless)
-            total += BOX_COST + (box.height * TILE + above + below) * (box.width * TILE + before + after)
+            above, below, before, after = _margins(box, tiles, endless, tuned)
+            total += tuned.box_cost + (box.height * TILE + above + below) * (box.width * TILE + before + after)
         return total
 
     def tight(box: Rectangle) -> list[Rectangle]:
@@ -193,20 +183,22 @@ def _boxes(tiles: NDArray[np.bool_], endless: bool) -> list[Rectangle]:
     return [each for box in tight(Rectangle(0, tiles.shape[0], 0, tiles.shape[1])) for each in cut(box)]
 
 
-def _denoised_synthetic(network: _Network, frame: Frame, window: Window, scale: float) -> NDArray[np.float32]:
+def _denoised_synthetic(
+    network: _Network, frame: Frame, window: Window, scale: float, tuned: DenoisingParameters
+) -> NDArray[np.float32]:
     """The synthetic radiance in a window's rectangle, denoised."""
     covered = window.cut(frame.coverage)[:, :, None]
     rim = _Rim.of(covered)
     network.extend(rim)
-    error = _error(frame, window) / np.maximum(covered, np.float32(1e-6))
-    settled = settle(rim.extended(window.cut(frame.synthetic)), error.mean(axis=2), covered[:, :, 0], scale)
-    clean = _consistent(network(settled.plain, scale), settled.plain, error) + settled.glints
+    error = _error(frame, window, tuned) / np.maximum(covered, np.float32(1e-6))
+    settled = settle(rim.extended(window.cut(frame.synthetic)), error.mean(axis=2), covered[:, :, 0], scale, tuned)
+    clean = _consistent(network(settled.plain, scale), settled.plain, error, tuned) + settled.glints
     clean = (clean * covered)[window.inner]
     return np.where(_touched(frame.synthetic[window.rectangle.slices]), clean, np.float32(0.0))
 
 
 def _denoised_change(
-    network: _Network, frame: Frame, window: Window, scale: float, floor: np.float32
+    network: _Network, frame: Frame, window: Window, scale: float, floor: np.float32, tuned: DenoisingParameters
 ) -> NDArray[np.float32]:
     """The change in a window's rectangle, denoised; ``floor`` is radiance that is added to the photograph."""
     coverage, plate = window.cut(frame.coverage), frame.plate[window.rectangle.slices]
@@ -216,43 +208,43 @@ def _denoised_change(
     if "albedo" in network.guides:  # Without the photograph's texture there is none for it to explain.
         network.guides["albedo"][:] = 1.0
     relative = rim.extended(window.cut(frame.change)) / (window.cut(frame.plate) + floor)
-    error = _error(frame, window) / (np.maximum(uncovered, np.float32(1e-6)) * (window.cut(frame.plate) + floor))
+    error = _error(frame, window, tuned) / (np.maximum(uncovered, np.float32(1e-6)) * (window.cut(frame.plate) + floor))
     most = np.abs(relative).sum(dtype=np.float64)
     # Fireflies stand out of what is left of the photograph's light: in a shadow of little, be the change negative there.
     left = np.maximum(relative + np.float32(1.0), np.float32(0.0))
-    settled = settle(left, error.mean(axis=2), uncovered[:, :, 0], min(scale, 1.0))
+    settled = settle(left, error.mean(axis=2), uncovered[:, :, 0], min(scale, 1.0), tuned)
     relative = relative + (settled.plain - left)
     added, taken = (
-        network(part, scale, part.sum(dtype=np.float64) < MINOR * most)
+        network(part, scale, part.sum(dtype=np.float64) < tuned.minor * most)
         for part in (np.maximum(relative, np.float32(0.0)), np.maximum(-relative, np.float32(0.0)))
     )
-    clean = _consistent(added - taken, relative, error) + settled.glints
+    clean = _consistent(added - taken, relative, error, tuned) + settled.glints
     clean = clean[window.inner] * (plate + floor)
     # At narrow contact shadows the network overshoots; no more can be taken away than was there.
     clean = np.maximum(clean, np.minimum(-plate, 0.0)) * uncovered[window.inner]
     return np.where(_touched(frame.change[window.rectangle.slices]), clean, np.float32(0.0))
 
 
-def _blurred_change(frame: Frame, window: Window, floor: np.float32) -> NDArray[np.float32]:
+def _blurred_change(frame: Frame, window: Window, floor: np.float32, tuned: DenoisingParameters) -> NDArray[np.float32]:
     """The change in a window's rectangle, where it is faint; ``floor`` is radiance that is added to the photograph."""
     layer = window.cut(frame.change)
     uncovered = np.float32(1.0) - window.cut(frame.coverage)
-    weights = uncovered * _changeable(layer)
-    relative = cv2.GaussianBlur(layer / (window.cut(frame.plate) + floor), (0, 0), FAINT_BLUR)
-    weight = np.maximum(cv2.GaussianBlur(weights, (0, 0), FAINT_BLUR), np.float32(1e-6))
+    weights = uncovered * _changeable(layer, tuned)
+    relative = cv2.GaussianBlur(layer / (window.cut(frame.plate) + floor), (0, 0), tuned.faint_blur)
+    weight = np.maximum(cv2.GaussianBlur(weights, (0, 0), tuned.faint_blur), np.float32(1e-6))
     inner = window.inner
     clean = relative[inner] * (uncovered / weight)[inner][:, :, None]
     clean *= frame.plate[window.rectangle.slices] + floor
     return np.where(_touched(frame.change[window.rectangle.slices]), clean, np.float32(0.0))
 
 
-def _changeable(layer: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _changeable(layer: NDArray[np.float32], tuned: DenoisingParameters) -> NDArray[np.uint8]:
     """1 where the change's surfaces are seen and 0 beyond their edges; few samples leave holes in what changes."""
-    square = np.ones((HOLE, HOLE), np.uint8)
+    square = np.ones((tuned.hole, tuned.hole), np.uint8)
     return np.asarray(cv2.morphologyEx(layer.any(axis=2).astype(np.uint8), cv2.MORPH_CLOSE, square))
 
 
-def _error(frame: Frame, window: Window) -> NDArray[np.float32]:
+def _error(frame: Frame, window: Window, tuned: DenoisingParameters) -> NDArray[np.float32]:
     """Standard error of the finished pixels in a window, shape (height, width, 3); infinite where it is not known."""
     if frame.variance is None:
         return np.full((*window.cut(frame.coverage).shape, 3), np.inf, np.float32)
@@ -261,15 +253,15 @@ def _error(frame: Frame, window: Window) -> NDArray[np.float32]:
     error = np.sqrt(np.maximum(variance, cv2.blur(variance, (3, 3))))
     if frame.samples is not None:  # A draft's single sample does not tell it.
         samples = window.cut(frame.samples)
-        error[(samples > 0) & (samples < FEWEST)] = np.inf
+        error[(samples > 0) & (samples < tuned.fewest_samples)] = np.inf
     return error
 
 
 def _consistent(
-    clean: NDArray[np.float32], noisy: NDArray[np.floating], error: NDArray[np.floating]
+    clean: NDArray[np.float32], noisy: NDArray[np.floating], error: NDArray[np.floating], tuned: DenoisingParameters
 ) -> NDArray[np.float32]:
     """What the filter gave, held to what the samples allow: the more there are, the less may be changed."""
-    return noisy + np.clip(clean - noisy, -MOST_ERRORS * error, MOST_ERRORS * error)
+    return noisy + np.clip(clean - noisy, -tuned.most_errors * error, tuned.most_errors * error)
 
 
 @dataclass(frozen=True)

@@ -15,21 +15,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-FEW = 8
-"""An excess that fewer samples than this carry is a firefly."""
-CONTRAST, SIGMAS = 1.3, 4.0
-"""A pixel exceeds its surroundings where it is above this many times their median plus this many of their errors."""
-GLINT = 6.0
-"""Radiance, where middle grey is 0.18, above which a denoiser no longer keeps light."""
-BESIDE = 0.1
-"""Share of its brightness up to which what many samples agree on beside an outlier does not make it part of a feature."""
-CROWD = 2
-"""Outliers among three by three pixels, at most: more are a thin bright line, or noise that the denoiser knows."""
+from lightdepth.parameters.denoising import DEFAULT, DenoisingParameters
+
 SPREADS = (4.0, 8.0, 16.0, 32.0)
 """Standard deviations of the Gaussians that a firefly's light is spread by, pixels: the smallest that makes no visible
 spot; what would be one even so is left out."""
-VISIBLE = 0.1
-"""Share of the brightness around up to which the spread light makes no visible spot."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +35,13 @@ class Settled:
     glints: NDArray[np.float32]
 
 
-def settle(layer: NDArray[np.float32], error: NDArray[np.float32], share: NDArray[np.float32], scale: float) -> Settled:
+def settle(
+    layer: NDArray[np.float32],
+    error: NDArray[np.float32],
+    share: NDArray[np.float32],
+    scale: float,
+    tuned: DenoisingParameters = DEFAULT,
+) -> Settled:
     """Spread the fireflies of a layer and set its glints aside; the sum weighted by ``share`` stays the same.
 
     Args:
@@ -54,33 +50,38 @@ def settle(layer: NDArray[np.float32], error: NDArray[np.float32], share: NDArra
             the layer stays as it is.
         share: of each pixel that the layer fills, shape (height, width); light is spread only where it is above 0.
         scale: factor that brings the layer to the brightness of an ordinary exposure.
+        tuned: the denoiser's parameters.
     """
     if not np.isfinite(error).all():
         return Settled(layer, np.zeros_like(layer))
     here = share > 0.0
     grey = layer.mean(axis=2)
     around = cv2.medianBlur(grey, 5)
-    limit = CONTRAST * around + SIGMAS * cv2.medianBlur(np.ascontiguousarray(error, np.float32), 5)
-    lone = here & (grey > limit) & (error * np.sqrt(np.float32(FEW)) > grey - around)
+    limit = tuned.outlier_contrast * around + tuned.outlier_errors * cv2.medianBlur(
+        np.ascontiguousarray(error, np.float32), 5
+    )
+    lone = here & (grey > limit) & (error * np.sqrt(np.float32(tuned.few)) > grey - around)
     # The rim of a lamp in a metal ball is found by few samples as well, but beside others that many agree on.
     solid = cv2.dilate(np.where(here & ~lone, grey, np.float32(0.0)), np.ones((5, 5), np.uint8))
-    lone &= solid < BESIDE * grey + CONTRAST * around
-    crowded = cv2.boxFilter(lone.astype(np.float32), -1, (3, 3), normalize=False) > CROWD + 0.5
+    lone &= solid < tuned.beside * grey + tuned.outlier_contrast * around
+    crowded = cv2.boxFilter(lone.astype(np.float32), -1, (3, 3), normalize=False) > tuned.crowd + 0.5
     lone &= ~cv2.dilate(crowded.astype(np.uint8), np.ones((3, 3), np.uint8)).astype(bool)
-    too_bright = here & ~lone & (grey * scale > GLINT)
-    kept = np.where(lone, np.minimum(around, grey), np.where(too_bright, np.float32(GLINT / scale), grey))
+    too_bright = here & ~lone & (grey * scale > tuned.glint)
+    kept = np.where(lone, np.minimum(around, grey), np.where(too_bright, np.float32(tuned.glint / scale), grey))
     factor = (kept / np.maximum(grey, np.float32(1e-30)))[:, :, None]
     plain = np.where((lone | too_bright)[:, :, None], layer * factor, layer)
     rest = layer - plain
     if lone.any():
-        plain = plain + _spread(np.where(lone[:, :, None], rest, np.float32(0.0)), around, share)
+        plain = plain + _spread(np.where(lone[:, :, None], rest, np.float32(0.0)), around, share, tuned)
     return Settled(plain, np.where(too_bright[:, :, None], rest, np.float32(0.0)))
 
 
-def _spread(loose: NDArray[np.float32], around: NDArray[np.float32], share: NDArray[np.float32]) -> NDArray[np.float32]:
+def _spread(
+    loose: NDArray[np.float32], around: NDArray[np.float32], share: NDArray[np.float32], tuned: DenoisingParameters
+) -> NDArray[np.float32]:
     """The light of fireflies, spread over the pixels around each that hold the layer."""
     size, spread, here = loose.mean(axis=2) * share, np.zeros_like(loose), share > 0.0
-    allowed = VISIBLE * np.maximum(around, np.float32(0.05) * float(around[here].mean()))
+    allowed = tuned.visible * np.maximum(around, np.float32(0.05) * float(around[here].mean()))
     left = size > 0.0
     for deviation in SPREADS:
         most = np.float32(2.0 * np.pi * deviation**2) * allowed

@@ -254,7 +254,7 @@ class Session:
             from lightdepth.film.denoising import denoise
 
             self._report(Stage("denoising"))
-            frame = denoise(frame)
+            frame = denoise(frame, self._scene.render.parameters.denoising)
         from lightdepth.film.layers import picture_exposure
 
         file = self._show(frame, finished=True)
