@@ -11,7 +11,18 @@ start("cpu")
 import mitsuba as mi  # noqa: E402
 from pydantic import ValidationError  # noqa: E402
 
-from lightdepth.cameras import Cubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective  # noqa: E402
+from lightdepth.cameras import (  # noqa: E402
+    VR180,
+    Cubemap,
+    DomeMaster,
+    DomeStereo,
+    EquiAngularCubemap,
+    Equirectangular,
+    Fisheye,
+    OmnidirectionalStereo,
+    Perspective,
+    StereoPerspective,
+)
 from lightdepth.directions import look_at_rotation, pixel_directions  # noqa: E402
 
 
@@ -166,6 +177,16 @@ def test_depth_of_field_is_sharp_at_focus_and_blurs_by_the_circle_of_confusion()
         (OmnidirectionalStereo, {"type": "ods", "width": 64, "zenith_merge": (70, 60)}),
         (OmnidirectionalStereo, {"type": "ods", "width": 64, "nadir_merge": (70, 95)}),
         (OmnidirectionalStereo, {"type": "ods", "width": 64, "convergence_distance": 0.05}),
+        (DomeMaster, {"type": "dome_master", "width": 8193}),
+        (DomeMaster, {"type": "dome_master", "width": 64, "fov": 221}),
+        (DomeMaster, {"type": "dome_master", "width": 64, "tilt": -1}),
+        (DomeStereo, {"type": "dome_stereo", "width": 8193}),
+        (DomeStereo, {"type": "dome_stereo", "width": 64, "zenith_merge": (70, 60)}),
+        (VR180, {"type": "vr180", "width": 65}),
+        (EquiAngularCubemap, {"type": "eac", "width": 64}),
+        (StereoPerspective, {"type": "stereo_perspective", "width": 65, "height": 32}),
+        (StereoPerspective, {"type": "stereo_perspective", "width": 64, "height": 33, "layout": "top-bottom"}),
+        (StereoPerspective, {"type": "stereo_perspective", "width": 64, "height": 32, "aperture": 0.1}),
     ],
 )
 def test_impossible_cameras_are_refused(camera, settings):
@@ -197,8 +218,45 @@ CAMERAS = {
         interocular_distance=0.2,
     ),
     "convergent stereo": OmnidirectionalStereo(type="ods", width=64, convergence_distance=1.95, nadir_merge=(45, 90)),
+    "faces": Cubemap(type="cubemap", width=20, layout="separate"),
+    "equi-angular cubemap": EquiAngularCubemap(type="eac", width=60),
+    "dome master": DomeMaster(type="dome_master", width=51, fov=200, tilt=25),
+    "stereo dome": DomeStereo(
+        type="dome_stereo", width=51, fov=170, tilt=15, convergence_distance=4.0, zenith_merge=(50, 85)
+    ),
+    "stereo dome side by side": DomeStereo(
+        type="dome_stereo", width=102, fov=160, layout="side-by-side", zenith_merge=(90, 90)
+    ),
+    "vr180": VR180(type="vr180", width=80, interocular_distance=0.2),
+    "stereo view": StereoPerspective(
+        type="stereo_perspective",
+        width=80,
+        height=30,
+        fov=70,
+        shift=(0.1, -0.1),
+        interocular_distance=0.2,
+        convergence_distance=1.5,
+        aperture=0.1,
+        focus_distance=2.0,
+    ),
 }
-ALL_AROUND = {"panorama", "cubemap", "strip", "stereo", "side by side", "convergent stereo"}
+ALL_AROUND = {
+    "panorama",
+    "cubemap",
+    "strip",
+    "faces",
+    "equi-angular cubemap",
+    "stereo",
+    "side by side",
+    "convergent stereo",
+}
+
+
+def of_right_eye(camera, x, y):
+    """1 where the film shows the right eye's view, else 0, also for a camera without eyes."""
+    if "left" not in camera.topology.views:
+        return 0.0 * x
+    return np.where((x if camera.layout == "side-by-side" else y) >= 0.5, 1.0, 0.0)
 
 
 def off_seams(x):
@@ -211,9 +269,9 @@ def test_the_film_shows_a_point_where_its_ray_leaves(name):
     camera = CAMERAS[name]
     generator = np.random.default_rng(1)
     x, y, *lens = generator.uniform(0.02, 0.98, (4, 500)).astype(np.float32)
-    if "left" in camera.topology.views:  # The eye that shows the point is picked by the first number.
-        lens[0] = 0.5 * lens[0] + 0.5 * ((y if camera.layout == "top-bottom" else x) >= 0.5)
     origin, direction, inside = rays(camera, x, y, lens)
+    if "left" in camera.topology.views:  # The eye that shows the point is picked by the first number.
+        lens[0] = 0.5 * lens[0] + 0.5 * of_right_eye(camera, x, y)
     target = origin + direction * generator.uniform(0.3, 9.0, (500, 1))
     target[::100, 1] = -np.abs(target[::100, 1]) - 5.0  # Behind the camera.
     target[::100, ::2] = 0.01
@@ -238,10 +296,7 @@ def test_what_a_place_of_the_film_stands_for(name):
     generator = np.random.default_rng(3)
     x, y = generator.uniform(0.05, 0.95, (2, 300))
     x, y = off_seams(x), off_seams(y)
-    second = np.zeros(300)
-    if places == 2.0:
-        second = ((y if camera.layout == "top-bottom" else x) >= 0.5) * 0.9
-    lens = second, np.full(300, 0.3)
+    lens = np.full(300, 0.4), np.full(300, 0.3)
     distance, step = generator.uniform(0.3, 3.0, (300, 1)), 1e-3
 
     def at(x, y):
@@ -253,7 +308,8 @@ def test_what_a_place_of_the_film_stands_for(name):
     along = (at(x, y + step) - at(x, y - step)) / (2 * step)
     covered = np.abs(np.sum(np.cross(across, along) * direction, axis=1))
     target = mi.Point3f(*at(x, y).T.astype(np.float32))
-    shown = camera.film_point(target, mi.Point2f(*(part.astype(np.float32) for part in lens)))
+    eye = lens[0] if places == 1.0 else 0.5 * (lens[0] + of_right_eye(camera, x, y))
+    shown = camera.film_point(target, mi.Point2f(*(part.astype(np.float32) for part in (eye, lens[1]))))
     angle = camera.solid_angle(mi.Vector3f(*direction.T.astype(np.float32))).numpy() * np.ones(300)
     weight = shown.weight.numpy() * np.ones(300)
     inside &= shown.inside.numpy() & np.ones(300, bool)

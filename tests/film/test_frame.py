@@ -5,10 +5,11 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from lightdepth.cameras.topology import Flat, Rectangle, Spherical
+from lightdepth.cameras.topology import Flat, Pictures, Rectangle, Spherical
 from lightdepth.errors import InputError
+from lightdepth.film.cryptomatte import Mattes
 from lightdepth.film.frame import Frame
-from lightdepth.film.layers import read_frame, write_frame, write_picture
+from lightdepth.film.layers import part_path, read_frame, write_frame, write_picture
 from lightdepth.images.tonemapping import tone_map
 
 
@@ -151,3 +152,49 @@ def test_all_cameras_of_a_scene_are_shown_at_the_panoramas_exposure(tmp_path):
     np.testing.assert_array_equal(pictures[0][:, :24], pictures[1][:, :24])
     expected = tone_map(np.full((1, 1, 3), 0.25, np.float32), 0.5)
     np.testing.assert_array_equal(pictures[0][0, 0], expected[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [
+        ("shot.0012.exr", "shot.left.0012.exr"),
+        ("shot_0012.exr", "shot.left_0012.exr"),
+        ("view.exr", "view.left.exr"),
+        ("view2.png", "view2.left.png"),
+        ("a.b.exr", "a.b.left.exr"),
+    ],
+)
+def test_files_of_views_are_numbered_last(tmp_path, name, wanted):
+    assert part_path(tmp_path / name, "left") == tmp_path / wanted
+
+
+@pytest.mark.parametrize("spherical", [True, False])
+def test_views_become_files_of_their_own_with_all_layers(tmp_path, spherical):
+    frame = full_frame()
+    charts, names = (Rectangle(0, 24, 0, 24), Rectangle(0, 24, 24, 48)), ("left", "right")
+    frame.topology = (Spherical if spherical else Pictures)(charts, names, names)
+    write_picture(tmp_path / "shot.0001.png", frame)
+    write_frame(tmp_path / "shot.0001.exr", frame)
+    files = {f"shot.{view}0001.{kind}" for view in ("", "left.", "right.") for kind in ("exr", "png")}
+    assert {path.name for path in tmp_path.iterdir()} == files
+    whole = read_frame(tmp_path / "shot.0001.exr")
+    for name, chart in zip(names, charts, strict=True):
+        part = read_frame(tmp_path / f"shot.{name}.0001.exr")
+        for layer in ("plate", "change", "synthetic", "coverage", "object_id", "depth", "normal", "samples"):
+            np.testing.assert_array_equal(getattr(part, layer), getattr(whole, layer)[chart.slices], layer)
+        assert part.metadata == {**frame.metadata, "part": name}
+        assert part.object_names == frame.object_names
+        assert part.topology.environment_map == ("latlong" if spherical else None)
+        # Both eyes have the exposure of the whole.
+        shown, of_whole = (np.asarray(Image.open(tmp_path / f"shot.{n}0001.png")) for n in (f"{name}.", ""))
+        np.testing.assert_array_equal(shown, of_whole[chart.slices])
+
+
+def test_mattes_are_cut_with_the_views():
+    """Each pixel of a view has the shapes and shares that it has in the whole picture."""
+    pixels = np.array([0, 0, 5, 7, 12, 19], np.uint32)  # Of 4 x 5 pixels: rows 0, 0, 1, 1, 2, 3.
+    mattes = Mattes(pixels, np.array([0, 1, 1, 0, 1, 0], np.uint32), np.linspace(0.1, 0.6, 6, dtype=np.float32), (), ())
+    cut = mattes.cut(Rectangle(1, 4, 2, 5), 5)
+    np.testing.assert_array_equal(cut.pixels, [0, 3, 8])
+    np.testing.assert_array_equal(cut.shapes, [0, 1, 0])
+    np.testing.assert_allclose(cut.shares, [0.4, 0.5, 0.6])

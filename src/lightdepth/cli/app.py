@@ -16,6 +16,7 @@ from lightdepth.cli.cache import cache
 from lightdepth.cli.calibrate import app as calibrate
 from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
+from lightdepth.cli.farm import app as farm
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.merge import merge
 from lightdepth.cli.new import new
@@ -68,6 +69,7 @@ app.command()(check)
 app.add_typer(stmap, name="stmap", help="Lens distortion as ST maps, for compositing programs.")
 app.command()(render)
 app.command()(merge)
+app.add_typer(farm, name="farm", help="Frames of a sequence as a job for a farm.")
 app.command()(serve)
 app.command()(cache)
 app.command()(doctor)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras.topology import Flat, Topology
+from lightdepth.cameras.topology import Flat, Rectangle, Topology
 from lightdepth.film.cryptomatte import Mattes
 
 EXPOSURE = "exposure"
@@ -60,6 +62,21 @@ class Frame:
         if self.topology is None:
             height, width = self.coverage.shape
             self.topology = Flat(width, height)
+
+    def parts(self) -> Iterator[tuple[str, Frame]]:
+        """The charts that are to be files of their own, with their names: eyes, or faces of a cube."""
+        for name, chart in zip(self.topology.parts, self.topology.charts, strict=False):
+            yield name, self._cut(chart, name)
+
+    def _cut(self, chart: Rectangle, name: str) -> Frame:
+        planes: dict[str, Any] = {
+            layer.name: np.ascontiguousarray(value[chart.slices])
+            for layer in fields(self)
+            if isinstance(value := getattr(self, layer.name), np.ndarray)
+        }
+        mattes = None if self.mattes is None else self.mattes.cut(chart, self.coverage.shape[1])
+        facts = {**self.metadata, "part": name}
+        return replace(self, **planes, mattes=mattes, metadata=facts, topology=self.topology.alone(chart))
 
     @property
     def beauty(self) -> NDArray[np.float32]:

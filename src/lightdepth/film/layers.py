@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from fractions import Fraction
 from pathlib import Path
@@ -41,6 +42,7 @@ ROWS_AT_ONCE = 128
 REQUIRED = ("plate", "change", "synthetic", "coverage")
 _OBJECT_NAMES = "lightdepth:objects"
 _METADATA = "lightdepth:"
+_NUMBERED = re.compile(r"(.*)([._-]\d+)")
 _ENVIRONMENT_MAPS = {"latlong": OpenEXR.ENVMAP_LATLONG}
 
 
@@ -48,7 +50,8 @@ def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None,
     """Write a frame as OpenEXR: the finished image as ``R G B A`` first, then each layer as a part with its name.
 
     ``A`` is 1 inside the camera's image; the part ``alpha`` holds the new objects' coverage. The parts of a full
-    panorama are marked ``envmap = latlong``.
+    panorama are marked ``envmap = latlong``. Views and faces that are to be files of their own are written first, see
+    :func:`part_path`.
 
     Args:
         path: where to write; the file appears whole or not at all.
@@ -62,6 +65,8 @@ def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None,
     unknown = sorted(set(layers or ()) - set(LAYERS))
     if unknown:
         raise InputError(f"layer '{unknown[0]}' is unknown; allowed are {', '.join(LAYERS)}")
+    for name, part in frame.parts():
+        write_frame(part_path(path, name), part, layers, rate)
     layout = frame.topology.environment_map
     marks: dict[str, Any] = {} if layout is None else {"envmap": _ENVIRONMENT_MAPS[layout]}
     header = {**marks, **{_METADATA + name: value for name, value in frame.metadata.items()}}
@@ -86,6 +91,13 @@ def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None,
             )
         )
     write_exr(path, parts)
+
+
+def part_path(path: Path, name: str) -> Path:
+    """The file of a view or face beside that of the whole film: ``shot.left.exr``, ``shot.left.0001.exr``."""
+    found = _NUMBERED.fullmatch(path.stem)
+    stem, number = (path.stem, "") if found is None else found.groups()
+    return path.with_name(f"{stem}.{name}{number}{path.suffix}")
 
 
 def _channels(names: str, pixels: np.ndarray) -> dict[str, np.ndarray]:
@@ -146,7 +158,7 @@ def picture_exposure(frame: Frame) -> float:
 
 
 def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx-like") -> None:
-    """Write a frame's finished image as PNG for the screen, transparent outside the camera's image.
+    """Write a frame's finished image as PNG for the screen, transparent outside the camera's image, and so its parts.
 
     Args:
         path: where to write; the file appears whole or not at all.
@@ -159,6 +171,8 @@ def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None,
     """
     if exposure_stops is None:
         exposure_stops = picture_exposure(frame)
+    for name, part in frame.parts():
+        write_picture(part_path(path, name), part, exposure_stops, curve)
     pixels = np.empty(frame.plate.shape, np.uint8)
     for first in range(0, len(pixels), ROWS_AT_ONCE):
         here = slice(first, first + ROWS_AT_ONCE)

@@ -119,7 +119,8 @@ class SequenceRendering:
                 with claim:
                     state = "delivered"
                     if not self._is_there(number, begun):
-                        _remove_unfinished(file, self._wanted.expiry)
+                        for each in (file, *self._part_files(number)):
+                            _remove_unfinished(each, self._wanted.expiry)
                         self._render(number, file)
                         state = "rendered"
                 taken = True
@@ -142,7 +143,16 @@ class SequenceRendering:
 
     def _state(self, number: int) -> State:
         file = self._wanted.files.file(number)
-        return state_of(file, self._print(number)) if file.exists() else State.MISSING
+        if not all(each.exists() for each in (file, *self._part_files(number))):
+            return State.MISSING
+        return state_of(file, self._print(number))
+
+    def _part_files(self, number: int) -> list[Path]:
+        """Files of views or faces beside that of a frame."""
+        from lightdepth.film.layers import part_path
+
+        parts = find_camera(self._scene(number), self._wanted.job.camera).topology.parts
+        return [part_path(self._wanted.files.file(number), name) for name in parts]
 
     def _is_there(self, number: int, begun: float) -> bool:
         """Whether a frame is there; with ``force``, whether another process has made it since this one began."""
