@@ -13,7 +13,9 @@ from pydantic import TypeAdapter, ValidationError
 from lightdepth.cameras import Camera, CameraSettings
 from lightdepth.errors import InputError, warn
 from lightdepth.scene.animation import Animation, SequenceTable
+from lightdepth.scene.camera_file import with_cameras_of_files
 from lightdepth.scene.lights import ClippedTable, LightSettings, SunTable
+from lightdepth.scene.moment import Moment
 from lightdepth.scene.problems import KeyPath, Problems
 from lightdepth.scene.schema import (
     CapturePose,
@@ -112,8 +114,15 @@ class SceneText:
         document = self.animation.at(0.0 if frame is None else frame)
         known = [place for place, _ in self.animation.mistakes]
         notes = {} if frame is None else dict.fromkeys(self.animation.keys, f" (at frame {frame:g})")
-        tables = _checked(document, self.path.parent, problems, known, notes)
+        context = {"folder": self.path.parent, "moment": self._moment(frame)}
+        tables = _checked(document, context, problems, known, notes)
         return replace(tables, frame=frame), problems
+
+    def _moment(self, frame: float | None) -> Moment | None:
+        if self.sequence is None or frame is None:
+            return None
+        first, last = self.sequence.frames
+        return Moment(frame, first, last, (frame - first) / float(self.sequence.rate))
 
     def _problems(self) -> Problems:
         return Problems(self.path, self._text, self._document)
@@ -121,7 +130,7 @@ class SceneText:
 
 def _checked(
     document: Mapping[str, Any],
-    folder: Path,
+    context: Mapping[str, Any],
     problems: Problems,
     known: Collection[KeyPath],
     notes: Mapping[KeyPath, str],
@@ -132,9 +141,9 @@ def _checked(
     panorama = document.get("panorama")
     if not document.get("real") and isinstance(panorama, dict) and "depth" not in panorama:
         problems.add((), "no real geometry: give [[real]] meshes of the place, or the depth of the [panorama]")
-    context = {"folder": folder}
+    document = with_cameras_of_files(document, context, problems)
     try:
-        file = SceneFile.model_validate(document, context=context)
+        file = SceneFile.model_validate(document, context=dict(context))
     except ValidationError as error:
         problems.add_all(error, SceneFile, known, notes)
         return _right_tables(document, context)
@@ -154,7 +163,7 @@ def _right_tables(document: Mapping[str, Any], context: Mapping[str, Any]) -> Ta
 
     def right(kind: Any, table: Any) -> Any:
         try:
-            return TypeAdapter(kind).validate_python(table, extra="ignore", context=context)
+            return TypeAdapter(kind).validate_python(table, extra="ignore", context=dict(context))
         except ValidationError:
             return None
 
