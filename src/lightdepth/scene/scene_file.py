@@ -84,6 +84,8 @@ class SceneText:
     def frame(self, frame: float | None) -> float | None:
         """The frame that is meant: the first of the sequence by default; ``None`` where there is no sequence.
 
+        The shutter of the first frame opens before it, that of the last frame closes after it.
+
         Raises:
             InputError: there is no such frame.
         """
@@ -94,7 +96,8 @@ class SceneText:
                 )
             return None
         first, last = self.sequence.frames
-        if frame is not None and not first <= frame <= last:
+        opened = 0.5 * self.sequence.shutter
+        if frame is not None and not first - opened <= frame <= last + opened:
             raise InputError(f"{self.path}: has no frame {frame:g}; its [sequence] has frames {first} to {last}")
         return float(first) if frame is None else float(frame)
 
