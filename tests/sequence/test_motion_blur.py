@@ -1,6 +1,7 @@
 """Motion blur: the mean of instants, and nothing else."""
 
 import json
+import math
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from lightdepth.film.shutter import ShutterMean  # noqa: E402
 from lightdepth.scene import load_scene  # noqa: E402
 from lightdepth.scene.animation import SequenceTable  # noqa: E402
 from lightdepth.scene.frames import SceneFrames  # noqa: E402
+from lightdepth.sequence.film_motion import needed_instants  # noqa: E402
 from lightdepth.sequence.fingerprint import State  # noqa: E402
 from lightdepth.sequence.motion_blur import MotionBlur  # noqa: E402
 from lightdepth.sequence.numbering import FrameFiles  # noqa: E402
@@ -136,7 +138,7 @@ def test_a_moving_pane_is_a_trapezoid(moving, tmp_path):
     )
     np.testing.assert_allclose(across, closed_form, atol=0.05)
     np.testing.assert_allclose(frame.synthetic[HEIGHT // 2, :, 1], 8.0 * across, atol=1e-3)
-    assert frame.metadata["instants"] == "8"
+    assert frame.metadata["instants"] == "4"
     plate = rendered(moving, "view", tmp_path / "sharp", samples=1).plate
     assert frame.plate.tobytes() == plate.tobytes()
     untouched = (frame.coverage == 0) & (frame.change == 0).all(axis=2)
@@ -146,15 +148,28 @@ def test_a_moving_pane_is_a_trapezoid(moving, tmp_path):
 
 def test_a_travelling_camera_blurs_the_photograph_as_well(moving, tmp_path):
     frame = rendered(moving, "travel", tmp_path, samples=8)
-    places = [rendered_plate(moving, instant) for instant in moving.sequence.opened(2, 8)]
+    places = [rendered_plate(moving, instant) for instant in moving.sequence.opened(2, 4)]
     np.testing.assert_allclose(frame.plate, np.mean(places, axis=0), rtol=1e-5)
-    assert not np.allclose(frame.plate, places[4], rtol=1e-3)
+    assert not np.allclose(frame.plate, places[2], rtol=1e-3)
 
 
 def rendered_plate(frames, instant):
     from lightdepth.api import begin_rendering
 
     return begin_rendering(frames.scene(instant), "travel", cache=False).plate
+
+
+def test_instants_lie_close_on_the_film(moving):
+    """The pane goes 4 pixels in half a frame; as seen from `travel`, which goes 0.2 metres along, less."""
+
+    def needed(camera, opened, most=100):
+        scenes = [moving.scene(frame) for frame in (2 - opened / 2, 2, 2 + opened / 2)]
+        return needed_instants(scenes, [scene.cameras[camera] for scene in scenes], most)
+
+    assert needed("view", 0.5) == 4
+    assert needed("view", 1.0) == math.ceil(8 / 1.5)
+    assert needed("view", 1.0, most=5) == 5
+    assert needed("travel", 0.1) == 4
 
 
 def test_what_stands_is_rendered_once(moving):

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING
 from lightdepth.api import DRAFT_SAMPLES, find_camera
 from lightdepth.errors import InputError
 from lightdepth.images.tonemapping import auto_exposure
-from lightdepth.kernel.start import Device
+from lightdepth.kernel.start import Device, start
 from lightdepth.scene.frames import SceneFrames
 from lightdepth.scene.model import CameraView, Scene
 from lightdepth.sequence.claims import EXPIRY, claim_beside, now, take
+from lightdepth.sequence.film_motion import needed_instants
 from lightdepth.sequence.fingerprint import FINGERPRINT, State, fingerprint, frame_seed, state_of
 from lightdepth.sequence.motion_blur import MotionBlur
 from lightdepth.sequence.numbering import FrameFiles
@@ -166,14 +167,25 @@ class SequenceRendering:
 
     def _motion(self, number: int, scene: Scene) -> tuple[tuple[float, int] | None, list[tuple[Scene, CameraView]]]:
         """The shutter, and the scene where it opens and closes: what moves in between begins or ends elsewhere."""
-        sequence, count = self._frames.sequence, self._instants(scene)
-        if count == 1:
+        sequence, most = self._frames.sequence, self._most_instants(scene)
+        if most == 1:
             return None, []
         scenes = [self._scene(number, number + side * sequence.shutter) for side in (-0.5, 0.5)]
-        return (sequence.shutter, count), [(each, find_camera(each, self._wanted.job.camera)) for each in scenes]
+        return (sequence.shutter, most), [(each, find_camera(each, self._wanted.job.camera)) for each in scenes]
 
-    def _instants(self, scene: Scene) -> int:
-        """Instants of a frame: no more than a pixel has samples."""
+    def _instants(self, number: int, scene: Scene) -> int:
+        """Instants of a frame: as many as its motion needs."""
+        _, motion = self._motion(number, scene)
+        if not motion:
+            return 1
+        view = find_camera(scene, self._wanted.job.camera)
+        (opened, opened_view), (closed, closed_view) = motion
+        start(self._device)
+        views = opened_view, view, closed_view
+        return needed_instants((opened, scene, closed), views, self._most_instants(scene))
+
+    def _most_instants(self, scene: Scene) -> int:
+        """No more than a pixel has samples."""
         sequence, job = self._frames.sequence, self._wanted.job
         samples = job.samples or (DRAFT_SAMPLES if job.draft else scene.render.samples)
         return min(sequence.instants, samples) if sequence.shutter > 0.0 else 1
@@ -191,7 +203,7 @@ class SequenceRendering:
         scene = self._scene(number)
         facts = {FINGERPRINT: self._print(number), "frame": str(number)}
         display = _FrameDisplay(file, facts, self._rate, self._wanted.layers, self._shown_at() + self._wanted.exposure)
-        instants = self._frames.sequence.opened(number, self._instants(scene))
+        instants = self._frames.sequence.opened(number, self._instants(number, scene))
         blurred = MotionBlur([self._scene(number, instant) for instant in instants], self._job(scene, number))
         with _naming(number):
             if blurred.moves:
