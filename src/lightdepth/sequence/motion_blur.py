@@ -84,11 +84,13 @@ class MotionBlur:
             done += instant.share
         frame = mean.frame()
         frame.metadata["instants"] = str(len(self.instants))
+        if self._job.seed is not None:
+            frame.metadata["seed"] = str(self._job.seed)
         if self._job.denoise:
             from lightdepth.film.denoising import denoise
 
             report(Stage("denoising"))
-            frame = denoise(frame)
+            frame = denoise(frame, self.instants[0].scene.render.parameters.denoising)
         report(Stage("writing"))
         display.show(frame, finished=True)
         report(Picture(None if display.file is None else str(display.file), finished=True))
