@@ -55,12 +55,12 @@ def measure(quick: bool, console: Console) -> dict[str, Any]:
         moments = [_at(place, scene.cameras["view"], moving, at) for at in (-0.5, 0.0, 0.5)]
         scenes = [replace(scene, synthetic=there.objects) for there, _ in moments]
         chosen = needed_instants(scenes, [view for _, view in moments], max(INSTANTS))
-        full, empty = (_mean_truth(place, moving, spent, objects) for objects in (True, False))
+        full, empty = (mean_truth(place, moving, spent, objects) for objects in (True, False))
         for count in sorted({*INSTANTS, chosen}):
             began = time.process_time()
-            frame = _rendered(scene, place, moving, count, spent)
+            frame = rendered(scene, place, moving, count, spent)
             seconds = time.process_time() - began
-            error, signed = _errors(frame, full, empty, moving)
+            error, signed = errors(frame, full, empty, moving)
             rows.append(
                 [
                     moving,
@@ -111,7 +111,8 @@ def _at(place: Place, view: CameraView, moving: str, time: float) -> tuple[Place
     return place, CameraView(camera, position, view.rotation)
 
 
-def _mean_truth(place: Place, moving: str, spent: Spent, objects: bool) -> Estimate:
+def mean_truth(place: Place, moving: str, spent: Spent, objects: bool) -> Estimate:
+    """The path-traced mean over ``TRUE_INSTANTS`` instants, with or without the objects."""
     import mitsuba as mi
 
     view = place.camera("view", spent.width)
@@ -146,7 +147,8 @@ class _Kept:
         self.frame = frame
 
 
-def _rendered(scene: Scene, place: Place, moving: str, count: int, spent: Spent) -> Frame:
+def rendered(scene: Scene, place: Place, moving: str, count: int, spent: Spent) -> Frame:
+    """The frame with motion blur, of ``count`` instants."""
     scenes = []
     for at in _times(count):
         there, camera = _at(place, scene.cameras["view"], moving, float(at))
@@ -164,7 +166,7 @@ def _picture(frame: Frame, empty: Estimate, moving: str) -> NDArray[np.float64]:
     return empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
 
 
-def _errors(frame: Frame, full: Estimate, empty: Estimate, moving: str) -> tuple[float, float]:
+def errors(frame: Frame, full: Estimate, empty: Estimate, moving: str) -> tuple[float, float]:
     """Relative root mean square error, without the noise of the truth, and signed error, of the pixels that change."""
     image = _picture(frame, empty, moving)
     changed = (np.abs(full.mean - empty.mean).max(axis=2) > 0.05 * empty.mean.mean()) | (full.coverage > 0.0)
