@@ -53,6 +53,14 @@ def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> N
 
 
 @app.command()
+def captures(quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False) -> None:
+    """One, two and three captures of the L-shaped room, and a camera that travels through it."""
+    from bench.captures import captures as measure
+
+    _print_table(measure(quick, console))
+
+
+@app.command()
 def motion(quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False) -> None:
     """Measure motion blur against a path-traced mean over 64 instants; write bench/results/motion-blur.json."""
     from bench.motion_blur import measure
