@@ -54,6 +54,7 @@ def random_frame(rng, plate):
         alpha=np.ones((4, 6), np.float32),
         variance=np.full((4, 6, 3), 0.5, np.float32),
         samples=np.full((4, 6), 3, np.uint32),
+        photograph=np.stack([coverage, 1.0 - coverage], axis=-1),
         object_names=("a",),
         mattes=Mattes(
             np.flatnonzero(there).astype(np.uint32),
@@ -82,6 +83,7 @@ def test_the_picture_is_the_mean_of_pictures(travels):
     np.testing.assert_allclose(blurred.beauty, expected, atol=1e-6)
     np.testing.assert_allclose(blurred.variance, 0.5 * sum(share**2 for share in shares))
     assert (blurred.samples == 12).all()
+    np.testing.assert_allclose(blurred.photograph[..., 0], blurred.coverage, atol=1e-6)
     np.testing.assert_array_equal(blurred.object_id, (blurred.coverage > 0.5).astype(np.uint32))
     matte = np.zeros(24, np.float32)
     matte[blurred.mattes.pixels] = blurred.mattes.shares

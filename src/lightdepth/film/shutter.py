@@ -11,7 +11,9 @@ from lightdepth.film.cryptomatte import Mattes
 from lightdepth.film.frame import Frame
 
 MEANS = ("change", "synthetic", "coverage", "alpha")
-"""Layers of which the mean is taken as it is."""
+"""Layers of which the mean is taken as it is;"""
+OPTIONAL_MEANS = ("normal", "albedo", "photograph")
+"""likewise, of those that a frame may lack."""
 
 
 class ShutterMean:
@@ -52,7 +54,7 @@ class ShutterMean:
         added = {name: getattr(frame, name) for name in MEANS}
         if not self._still:
             added |= {"plate": frame.plate, "blocked": frame.plate * frame.coverage[..., None]}
-        added |= {name: values for name in ("normal", "albedo") if (values := getattr(frame, name)) is not None}
+        added |= {name: values for name in OPTIONAL_MEANS if (values := getattr(frame, name)) is not None}
         for name, values in added.items():
             self._add(name, values, share)
         if frame.variance is not None:
@@ -102,6 +104,7 @@ class ShutterMean:
             object_id=object_id,
             normal=None if normal is None else normal.astype(np.float16),
             albedo=sums["albedo"].astype(np.float16) if "albedo" in sums else None,
+            photograph=sums.get("photograph"),
             variance=sums.get("variance"),
             samples=sums.get("samples"),
             metadata=facts,
