@@ -183,7 +183,7 @@ class _Reporter(EventReporter):
 
     def print_states(self) -> None:
         """Say what is on disk."""
-        from lightdepth.sequence.numbering import told_frames
+        from lightdepth.numbered_files import told_frames
 
         if self._kind == "json":
             return
@@ -194,7 +194,7 @@ class _Reporter(EventReporter):
 
     def end(self, complete: bool) -> None:
         """Say what was done, and how to go on."""
-        from lightdepth.sequence.numbering import told_frames
+        from lightdepth.numbered_files import told_frames
 
         if self._bar is not None:
             self._bar.stop()

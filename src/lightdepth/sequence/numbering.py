@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 from lightdepth.errors import InputError
+from lightdepth.numbered_files import MARK, is_pattern, numbered
 from lightdepth.scene.animation import SequenceTable
 
-MARK = "#"
 _RANGE = re.compile(r"(\d{1,7})(?:-(\d{1,7}))?")
 
 
@@ -39,14 +37,6 @@ def parsed_frames(text: str, step: int, sequence: SequenceTable) -> list[int]:
     return sorted(frames)
 
 
-def told_frames(frames: Iterable[int]) -> str:
-    """Frames in few words, as ``parsed_frames`` reads them: ``1-3,7``."""
-    numbers = sorted(frames)
-    cuts = [i + 1 for i, (before, after) in enumerate(pairwise(numbers)) if after != before + 1]
-    runs = [numbers[begin:end] for begin, end in pairwise([0, *cuts, len(numbers)]) if numbers]
-    return ",".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
-
-
 @dataclass(frozen=True)
 class FrameFiles:
     """The files of a sequence.
@@ -61,7 +51,7 @@ class FrameFiles:
         name = self.pattern.name
         if self.pattern.suffix.lower() != ".exr":
             raise InputError(f"-o {self.pattern}: '{self.pattern.suffix}' is not allowed; frames are .exr files")
-        if len(re.findall(f"{MARK}+", name)) != 1 or MARK in str(self.pattern.parent):
+        if not is_pattern(name) or MARK in str(self.pattern.parent):
             raise InputError(
                 f"-o {self.pattern}: the name must have {MARK} for each digit of the frame's number, in one place, as in "
                 f"shot.{MARK * 4}.exr"
@@ -69,5 +59,4 @@ class FrameFiles:
 
     def file(self, frame: int) -> Path:
         """The file of a frame; numbers that need more digits have them."""
-        name = re.sub(f"{MARK}+", lambda marks: f"{frame:0{len(marks[0])}d}", self.pattern.name)
-        return self.pattern.with_name(name)
+        return numbered(self.pattern, frame)
