@@ -5,12 +5,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from lightdepth.cameras.camera import Camera, FilmPoint, Vector3
 
 if TYPE_CHECKING:
     import mitsuba as mi
+
+NEAR = 0.01
+"""Distance in metres at which the projection's depth is 0; it is 1 infinitely far."""
 
 
 class Perspective(Camera):
@@ -83,6 +88,18 @@ class Perspective(Camera):
 
         cosine = dr.maximum(direction.y, 0.0)
         return 4.0 * self._half_width() ** 2 * (self.height / self.width) * cosine * dr.square(cosine)
+
+    def projection_matrix(self) -> NDArray[np.float64]:  # noqa: D102
+        across = 0.5 / self._half_width()
+        aspect = self.width / self.height
+        return np.array(
+            [
+                [across, 0.0, 0.0, 0.0],
+                [0.0, -across * aspect, 0.0, 0.0],
+                [0.5 - self.shift[0], 0.5 + self.shift[1] * aspect, 1.0, 1.0],
+                [0.0, 0.0, -NEAR, 0.0],
+            ]
+        )
 
     @property
     def has_aperture(self) -> bool:  # noqa: D102

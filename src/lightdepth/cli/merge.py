@@ -27,6 +27,10 @@ def merge(
         str,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' or 'none'."),
     ] = "all",
+    exr: Annotated[
+        Literal["multipart", "single"],
+        typer.Option(help="Layers as parts of the EXR file, or all channels in one part."),
+    ] = "multipart",
     repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
     progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is reported.")] = "none",
 ) -> None:
@@ -62,7 +66,7 @@ def merge(
             loaded = load_scene(scene or origin.path, repair)
             job = Job(origin.camera, None, None, origin.method, origin.seed, origin.draft, denoise, merged=sums)
             session = Session(loaded, device, keep=False)
-            session.display(ExrDisplay(output, chosen))
+            session.display(ExrDisplay(output, chosen, exr))
             session.display(PngDisplay(files[1], exposure))
             with Reporter(progress, files) as reporter:
                 run(session, job, reporter, interruption)

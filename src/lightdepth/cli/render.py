@@ -55,6 +55,10 @@ def render(
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
     ] = None,
+    exr: Annotated[
+        Literal["multipart", "single"],
+        typer.Option(help="Layers as parts of the EXR file, or all channels in one part."),
+    ] = "multipart",
     no_cache: Annotated[
         bool, typer.Option("--no-cache", help="Neither use nor fill the cache of prepared places.")
     ] = False,
@@ -117,6 +121,7 @@ def render(
                 repair,
                 device,
                 force,
+                exr,
                 verify,
                 progress,
                 interruption,
@@ -152,7 +157,7 @@ def render(
             )
             session = Session(loaded, device, keep=False)
             if share is None:
-                session.display(ExrDisplay(target, chosen))
+                session.display(ExrDisplay(target, chosen, exr))
                 session.display(PngDisplay(files[1], exposure))
             with Reporter(progress, files, exposure) as reporter:
                 run(session, job, reporter, interruption)

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from lightdepth.cli.render import Interruption
+    from lightdepth.film.layers import Structure
     from lightdepth.kernel.start import Device
     from lightdepth.scene.frames import SceneFrames
     from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
@@ -49,6 +50,7 @@ def render_sequence(
     repair: bool,
     device: Device,
     force: bool,
+    structure: Structure,
     verify: bool,
     progress: str,
     interruption: Interruption,
@@ -70,7 +72,7 @@ def render_sequence(
     find_camera(loaded, job.camera)
     name = job.camera or next(iter(loaded.cameras))
     files = FrameFiles(output or Path(f"{scene.stem}-{name}.{'#' * DIGITS}.exr"))
-    wanted = SequenceJob(numbers, files, job, layers, exposure, force)
+    wanted = SequenceJob(numbers, files, job, layers, exposure, force, structure)
     with _Reporter(progress, wanted) as reporter:
         rendering = SequenceRendering(moving, wanted, device, reporter.report)
         reporter.begin()

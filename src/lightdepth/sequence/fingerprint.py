@@ -12,6 +12,7 @@ import numpy as np
 
 from lightdepth.errors import InputError
 from lightdepth.files import exists
+from lightdepth.film.layers import FILE_LAYOUT, Structure
 from lightdepth.images.exr import ExrReader
 from lightdepth.scene.identity import digest, scene_digest, view_digest
 from lightdepth.scene.model import CameraView, Scene
@@ -39,7 +40,14 @@ def frame_seed(seed: int, frame: int) -> int:
     return int(np.random.SeedSequence([seed, frame]).generate_state(1)[0])
 
 
-def fingerprint(scene: Scene, view: CameraView, job: Job, layers: Collection[str] | None, rate: Fraction) -> str:
+def fingerprint(
+    scene: Scene,
+    view: CameraView,
+    job: Job,
+    layers: Collection[str] | None,
+    rate: Fraction,
+    structure: Structure = "multipart",
+) -> str:
     """Digest of all that decides a frame.
 
     Args:
@@ -48,6 +56,7 @@ def fingerprint(scene: Scene, view: CameraView, job: Job, layers: Collection[str
         job: its settings; the seed is that of the frame.
         layers: that are written.
         rate: frames per second, which the file states.
+        structure: of the file.
     """
     settings = scene.render
     chosen = (
@@ -59,6 +68,8 @@ def fingerprint(scene: Scene, view: CameraView, job: Job, layers: Collection[str
         job.denoise,
         None if layers is None else sorted(layers),
         str(rate),
+        structure,
+        FILE_LAYOUT,
         metadata.version("lightdepth"),
     )
     return digest(scene_digest(scene), view_digest(view), chosen)

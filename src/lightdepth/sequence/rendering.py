@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 
 from lightdepth.api import find_camera
 from lightdepth.errors import InputError
+from lightdepth.film.frame import NUMBER
+from lightdepth.film.layers import Structure
 from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.start import Device
 from lightdepth.scene.frames import SceneFrames
@@ -43,6 +45,7 @@ class SequenceJob:
         layers: to write beside the picture; ``None`` for all.
         exposure: stops by which the PNGs are lighter than the panorama's brightness asks for.
         force: render also what is there.
+        structure: of the files; see :func:`~lightdepth.film.layers.write_frame`.
         expiry: seconds after which a frame that a process has claimed, and of which nothing is heard, is free again.
     """
 
@@ -52,6 +55,7 @@ class SequenceJob:
     layers: Collection[str] | None = None
     exposure: float = 0.0
     force: bool = False
+    structure: Structure = "multipart"
     expiry: float = EXPIRY
 
 
@@ -159,6 +163,7 @@ class SequenceRendering:
                 self._job(scene, number),
                 self._wanted.layers,
                 self._rate,
+                self._wanted.structure,
             )
         return self._prints[number]
 
@@ -173,8 +178,9 @@ class SequenceRendering:
     def _render(self, number: int, file: Path) -> None:
         self._tell(number)
         scene = self._scene(number)
-        facts = {FINGERPRINT: self._print(number), "frame": str(number)}
-        display = _FrameDisplay(file, facts, self._rate, self._wanted.layers, self._shown_at() + self._wanted.exposure)
+        facts = {FINGERPRINT: self._print(number), NUMBER: str(number)}
+        exposure = self._shown_at() + self._wanted.exposure
+        display = _FrameDisplay(file, facts, self._rate, self._wanted.layers, exposure, self._wanted.structure)
         session = Session(scene, self._device)
         session.display(display)
         session.on(lambda event: self._of_frame(number, event))
@@ -215,11 +221,18 @@ class _FrameDisplay:
     """A frame of a sequence as files: the PNG first, so that where the EXR file is, all is."""
 
     def __init__(
-        self, file: Path, facts: dict[str, str], rate: Fraction, layers: Collection[str] | None, exposure: float
+        self,
+        file: Path,
+        facts: dict[str, str],
+        rate: Fraction,
+        layers: Collection[str] | None,
+        exposure: float,
+        structure: Structure,
     ) -> None:
         self.file: Path | None = file
         self.layers = layers
         self._path, self._facts, self._rate, self._exposure = file, facts, rate, exposure
+        self._structure = structure
 
     def show(self, frame: Frame, finished: bool) -> None:
         from lightdepth.film.layers import write_frame, write_picture
@@ -227,7 +240,7 @@ class _FrameDisplay:
         if finished:
             frame.metadata |= self._facts
             write_picture(self._path.with_suffix(".png"), frame, self._exposure)
-            write_frame(self._path, frame, self.layers, self._rate)
+            write_frame(self._path, frame, self.layers, self._rate, self._structure)
 
 
 @contextlib.contextmanager

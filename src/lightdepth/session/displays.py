@@ -10,6 +10,7 @@ from lightdepth.errors import InputError
 
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
+    from lightdepth.film.layers import Structure
 
 
 class Display(Protocol):
@@ -41,10 +42,12 @@ class ExrDisplay:
     Args:
         file: where to write; its folder is made.
         layers: layers to write beside the finished picture; ``None`` for all.
+        structure: of the file; see :func:`~lightdepth.film.layers.write_frame`.
     """
 
-    def __init__(self, file: Path, layers: Collection[str] | None = None) -> None:
+    def __init__(self, file: Path, layers: Collection[str] | None = None, structure: Structure = "multipart") -> None:
         self.file: Path | None = file
+        self._structure = structure
         self.layers = layers
 
     def show(self, frame: Frame, finished: bool) -> None:
@@ -53,7 +56,7 @@ class ExrDisplay:
 
         assert self.file is not None
         _make_folder(self.file)
-        write_frame(self.file, frame, layers=self.layers if finished else [])
+        write_frame(self.file, frame, layers=self.layers if finished else [], structure=self._structure)
 
 
 class PngDisplay:
