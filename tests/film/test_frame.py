@@ -225,7 +225,7 @@ def test_matrices_are_those_of_the_camera():
     matrices = view_matrices(view, panorama)
     np.testing.assert_allclose([*place, 1.0] @ matrices["worldToCamera"], [0.3, -0.2, 2.0, 1.0], atol=1e-5)
     x, y, _, w = [*place, 1.0] @ matrices["worldToNDC"]
-    film = view.project(mi.Point3f(*place), mi.Point2f(0.5)).film
+    film = view.project(mi.Point3f(place.tolist()), mi.Point2f(0.5)).film
     np.testing.assert_allclose([x / w, y / w], [film.x[0], film.y[0]], atol=1e-5)
     np.testing.assert_allclose([1, 2, 3, 1] @ matrices["lightdepth:worldToPanorama"], [1, 3, 2, 1])
     assert "worldToNDC" not in view_matrices(panorama, view)

@@ -15,6 +15,7 @@ from lightdepth.cli import capture
 from lightdepth.cli.cache import cache
 from lightdepth.cli.calibrate import calibrate
 from lightdepth.cli.check import check
+from lightdepth.cli.deliver import deliver
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.merge import merge
@@ -66,6 +67,7 @@ app.command(context_settings={"ignore_unknown_options": True})(where)  # Points 
 app.command()(check)
 app.command()(render)
 app.command()(merge)
+app.command()(deliver)
 app.command()(serve)
 app.command()(cache)
 app.command()(doctor)
