@@ -203,6 +203,7 @@ def test_a_dome_master_is_numbered_and_described(shots, tmp_path, command):
         warnings.simplefilter("always", InputWarning)  # As for users; here, warnings are errors.
         errors = delivered(command, *arguments, "-o", tmp_path / "out" / "Show.png")
     assert "64 x 64 pixels; domes expect 1024" in errors
+    assert "its camera looks 0 degrees above the horizon" in errors
     frames = [f"Show_{number:05}.png" for number in range(1, COUNT + 1)]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["Show.txt", "Show.wav", *frames]
     pixels = OpenImageIO.ImageBuf(str(tmp_path / "out" / frames[0]))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Literal
@@ -63,10 +62,10 @@ def deliver(
     from lightdepth.delivery.arrangement import arrangement
     from lightdepth.delivery.dome_master import DomeMaster, write_dome_master
     from lightdepth.delivery.frames import find_frames
-    from lightdepth.delivery.grading import CurveLook, Look, grade
+    from lightdepth.delivery.grading import grade
     from lightdepth.delivery.movie import Movie, write_movie
     from lightdepth.delivery.stills import write_stills
-    from lightdepth.images.ocio import VARIABLE, OcioView
+    from lightdepth.images.look import chosen_look
     from lightdepth.packages import require_package
 
     moving = kind != "stills"
@@ -74,15 +73,7 @@ def deliver(
         require_package("av", "video")
     if audio is not None and not moving:
         raise InputError("--audio goes with videos and dome masters, not with stills")
-    chosen: Look
-    if look is not None and (ocio is not None or display is not None or view is not None):
-        raise InputError("--look is a tone curve of lightdepth; it does not go with --ocio, --display and --view")
-    if look is None and (ocio or display or view or os.environ.get(VARIABLE)):
-        chosen = OcioView(ocio, display, view)
-        seen = f"display '{chosen.display}', view '{chosen.view}'"
-    else:
-        chosen = CurveLook(look or "agx-like")
-        seen = f"look {look or 'agx-like'}"
+    chosen = chosen_look(look, ocio, display, view)
     found = find_frames(frames, numbers, step)
     arranged = arrangement(kind, found)
     rate = _rate(fps, found.rate, frames) if moving else Fraction(1)
@@ -105,7 +96,7 @@ def deliver(
     count = len(found.files)
     what = "1 frame" if count == 1 else f"{count} frames"
     shown = f"{written[0]}" if len(written) == 1 else f"{written[0]} ... {written[-1]}"
-    console.print(f"wrote {shown} ({what}, {seen}, exposure {graded.stops:+.2f} stops)", markup=False)
+    console.print(f"wrote {shown} ({what}, {chosen}, exposure {graded.stops:+.2f} stops)", markup=False)
 
 
 def _rate(text: str | None, stated: Fraction | None, frames: Path) -> Fraction:

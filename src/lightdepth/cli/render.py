@@ -51,6 +51,12 @@ def render(
     exposure: Annotated[
         float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
     ] = 0.0,
+    ocio: Annotated[
+        str | None,
+        typer.Option(help="OpenColorIO configuration for the PNG: a file, or ocio://default; $OCIO by default."),
+    ] = None,
+    display: Annotated[str | None, typer.Option(help="Display of the OpenColorIO configuration.")] = None,
+    view: Annotated[str | None, typer.Option(help="View of the OpenColorIO configuration.")] = None,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
@@ -90,6 +96,7 @@ def render(
     from lightdepth.cli.sequence import render_sequence
     from lightdepth.film.checkpoint import checkpoint_beside
     from lightdepth.film.sums import Share
+    from lightdepth.images.look import chosen_look
     from lightdepth.packages import require_package
     from lightdepth.session.displays import ExrDisplay, PngDisplay
     from lightdepth.session.session import CHECKPOINT_SECONDS, Job, Session
@@ -97,6 +104,7 @@ def render(
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
     chosen = chosen_layers(layers or ("none" if draft else "all"))
+    look = chosen_look(None, ocio, display, view)
     part = Share() if share is None else Share.parse(share)
     if frames is not None:
         still = {
@@ -118,6 +126,7 @@ def render(
                 job,
                 chosen,
                 exposure,
+                look,
                 repair,
                 device,
                 force,
@@ -158,7 +167,7 @@ def render(
             session = Session(loaded, device, keep=False)
             if share is None:
                 session.display(ExrDisplay(target, chosen, exr))
-                session.display(PngDisplay(files[1], exposure))
+                session.display(PngDisplay(files[1], exposure, look))
             with Reporter(progress, files, exposure) as reporter:
                 run(session, job, reporter, interruption)
         except (KeyboardInterrupt, RuntimeError):

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from lightdepth.cli.render import Interruption
     from lightdepth.film.layers import Structure
+    from lightdepth.images.look import Look
     from lightdepth.kernel.start import Device
     from lightdepth.scene.frames import SceneFrames
     from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
@@ -47,6 +48,7 @@ def render_sequence(
     job: Job,
     layers: Collection[str] | None,
     exposure: float,
+    look: Look,
     repair: bool,
     device: Device,
     force: bool,
@@ -72,7 +74,7 @@ def render_sequence(
     find_camera(loaded, job.camera)
     name = job.camera or next(iter(loaded.cameras))
     files = FrameFiles(output or Path(f"{scene.stem}-{name}.{'#' * DIGITS}.exr"))
-    wanted = SequenceJob(numbers, files, job, layers, exposure, force, structure)
+    wanted = SequenceJob(numbers, files, job, layers, exposure, force, structure, look)
     with _Reporter(progress, wanted) as reporter:
         rendering = SequenceRendering(moving, wanted, device, reporter.report)
         reporter.begin()

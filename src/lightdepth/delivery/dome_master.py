@@ -13,6 +13,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from lightdepth.delivery.arrangement import Arrangement
 from lightdepth.delivery.frames import Frames
 from lightdepth.delivery.grading import Grade
@@ -25,6 +27,9 @@ SIZES = (1024, 2048, 3072, 4096, 8192)
 """Pixels along the side for which domes are made."""
 RATES = (24, 60)
 """Frames per second, from and to."""
+
+LOWEST_AXIS = 45.0
+"""Degrees above the horizon at which the middle of a strongly tilted dome still is."""
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,13 @@ def write_dome_master(
         warn(f"{frames.first}: has {side} x {side} pixels; domes expect {', '.join(map(str, SIZES))}")
     if not RATES[0] <= wanted.rate <= RATES[1]:
         warn(f"{float(wanted.rate):g} frames per second: domes expect 24 to 60, most of them 30 or 60")
+    if frames.rotation is not None:
+        elevation = float(np.degrees(np.arcsin(np.clip(frames.rotation[2, 1], -1.0, 1.0))))
+        if elevation < LOWEST_AXIS:
+            warn(
+                f"{frames.first}: its camera looks {elevation:.0f} degrees above the horizon; the middle of a dome master "
+                "is the zenith: rotation = [90, 0, 0] in the camera looks there"
+            )
     with whole_folder(pattern) as folder:
         for number, file in enumerate(frames.files.values(), 1):
             name = f"{pattern.stem}_{number:05}{pattern.suffix}"
@@ -83,7 +95,7 @@ def _description(wanted: DomeMaster, frames: Frames, side: int) -> str:
         "Title": wanted.pattern.stem,
         "Format": "Dome Master",
         "Projection": "equidistant azimuthal (fisheye)",
-        "Field of view": f"{camera.get('fov', 180.0):g} degrees",
+        "Field of view": f"{camera['fov']:g} degrees" if "fov" in camera else "as rendered",
         "Orientation": "bottom of the frame is the front of the dome, left and right as the audience sees them",
         "Dome tilt": f"{camera['tilt']:g} degrees" if "tilt" in camera else "as rendered",
         "Resolution": f"{side} x {side}",

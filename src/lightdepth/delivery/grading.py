@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,29 +13,11 @@ from numpy.typing import NDArray
 from lightdepth.delivery.frames import Frames, read_radiance
 from lightdepth.delivery.video import REC709, REC2100_PQ, ColourTags
 from lightdepth.errors import InputError
-from lightdepth.images.ocio import OcioView
-from lightdepth.images.tonemapping import Curve, auto_exposure, display_values, known_curve
+from lightdepth.images.look import Look
+from lightdepth.images.tonemapping import auto_exposure
 
 _BAND = 2**20
 """Pixels that are graded at once."""
-
-
-class Look(Protocol):
-    """Turns radiance, shape (height, width, 3), float32, into display values in [0, 1] after an exposure in stops."""
-
-    def __call__(self, radiance: NDArray[np.float32], exposure_stops: float) -> NDArray[np.float32]:
-        """Display values."""
-
-
-class CurveLook:
-    """One of our own tone curves, for sRGB displays."""
-
-    def __init__(self, curve: str) -> None:
-        self._curve: Curve = known_curve(curve)
-
-    def __call__(self, radiance: NDArray[np.float32], exposure_stops: float) -> NDArray[np.float32]:
-        """Display values."""
-        return display_values(radiance, exposure_stops, self._curve)
 
 
 @dataclass(frozen=True)
@@ -65,7 +47,7 @@ class Grade:
         Raises:
             InputError: the display is none of a video, or needs more bits.
         """
-        display = self.look.display if isinstance(self.look, OcioView) else "sRGB"
+        display = self.look.display
         if "2100-PQ" in display:
             if bits < 10:
                 raise InputError(f"--display '{display}': needs 10 bits; use the codec hevc, av1 or prores")

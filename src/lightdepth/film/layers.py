@@ -16,6 +16,7 @@ from lightdepth.film.cryptomatte import matte_channels
 from lightdepth.film.frame import EXPOSURE, NUMBER, Frame
 from lightdepth.film.header import COLOUR, MATRICES, software, time_attributes
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
+from lightdepth.images.look import Look
 from lightdepth.images.png import write_png
 from lightdepth.images.tonemapping import Curve, auto_exposure, tone_map
 
@@ -179,7 +180,13 @@ def picture_exposure(frame: Frame) -> float:
     return auto_exposure(frame.plate, frame.alpha) if known is None else float(known)
 
 
-def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx-like") -> None:
+def write_picture(
+    path: Path,
+    frame: Frame,
+    exposure_stops: float | None = None,
+    curve: Curve = "agx-like",
+    look: Look | None = None,
+) -> None:
     """Write a frame's finished image as PNG for the screen, transparent outside the camera's image.
 
     Args:
@@ -187,6 +194,7 @@ def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None,
         frame: what to show.
         exposure_stops: see :func:`~lightdepth.images.tonemapping.tone_map`; ``None`` takes :func:`picture_exposure`.
         curve: the tone curve.
+        look: is used instead of it.
 
     Raises:
         InputError: the file cannot be written.
@@ -196,7 +204,11 @@ def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None,
     pixels = np.empty(frame.plate.shape, np.uint8)
     for first in range(0, len(pixels), ROWS_AT_ONCE):
         here = slice(first, first + ROWS_AT_ONCE)
-        pixels[here] = tone_map(frame.beauty_rows(here.start, here.stop), exposure_stops, curve)
+        rows = frame.beauty_rows(here.start, here.stop)
+        if look is None:
+            pixels[here] = tone_map(rows, exposure_stops, curve)
+        else:
+            pixels[here] = np.rint(look(rows, exposure_stops) * 255.0)
     if not (frame.alpha == 1.0).all():
         alpha = np.rint(np.clip(frame.alpha, 0.0, 1.0) * 255.0).astype(np.uint8)
         pixels = np.concatenate([pixels, alpha[:, :, None]], axis=2)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lightdepth.errors import InputError
 from lightdepth.packages import optional_package
 
+PACKAGE = "PyOpenColorIO"
 VARIABLE = "OCIO"
 """The environment variable that names the configuration, as in all programs that use OpenColorIO."""
 BUILT_IN = "ocio://"
@@ -41,7 +42,7 @@ class OcioView:
     """
 
     def __init__(self, configuration: str | None = None, display: str | None = None, view: str | None = None) -> None:
-        ocio = optional_package("PyOpenColorIO", "colour")
+        ocio = optional_package(PACKAGE, "colour")
         name = configuration or os.environ.get(VARIABLE)
         if not name:
             raise InputError(f"--ocio: name a configuration, or set ${VARIABLE}; built in is {BUILT_IN}default")
@@ -70,6 +71,9 @@ class OcioView:
         pixels = np.ascontiguousarray(np.clip(finite, 0.0, 1e30) * np.float32(2.0**exposure_stops))
         self._processor.applyRGB(pixels)
         return np.clip(pixels, 0.0, 1.0)
+
+    def __str__(self) -> str:
+        return f"display '{self.display}', view '{self.view}'"
 
 
 def _loaded(ocio: Any, name: str) -> Any:

@@ -15,6 +15,7 @@ from lightdepth.api import find_camera
 from lightdepth.errors import InputError
 from lightdepth.film.frame import NUMBER
 from lightdepth.film.layers import Structure
+from lightdepth.images.look import Look
 from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.start import Device
 from lightdepth.scene.frames import SceneFrames
@@ -46,6 +47,7 @@ class SequenceJob:
         exposure: stops by which the PNGs are lighter than the panorama's brightness asks for.
         force: render also what is there.
         structure: of the files; see :func:`~lightdepth.film.layers.write_frame`.
+        look: of the PNGs; ``None`` is our own tone curve.
         expiry: seconds after which a frame that a process has claimed, and of which nothing is heard, is free again.
     """
 
@@ -56,6 +58,7 @@ class SequenceJob:
     exposure: float = 0.0
     force: bool = False
     structure: Structure = "multipart"
+    look: Look | None = None
     expiry: float = EXPIRY
 
 
@@ -180,7 +183,7 @@ class SequenceRendering:
         scene = self._scene(number)
         facts = {FINGERPRINT: self._print(number), NUMBER: str(number)}
         exposure = self._shown_at() + self._wanted.exposure
-        display = _FrameDisplay(file, facts, self._rate, self._wanted.layers, exposure, self._wanted.structure)
+        display = _FrameDisplay(file, facts, self._rate, exposure, self._wanted)
         session = Session(scene, self._device)
         session.display(display)
         session.on(lambda event: self._of_frame(number, event))
@@ -225,21 +228,20 @@ class _FrameDisplay:
         file: Path,
         facts: dict[str, str],
         rate: Fraction,
-        layers: Collection[str] | None,
         exposure: float,
-        structure: Structure,
+        wanted: SequenceJob,
     ) -> None:
         self.file: Path | None = file
-        self.layers = layers
+        self.layers = wanted.layers
         self._path, self._facts, self._rate, self._exposure = file, facts, rate, exposure
-        self._structure = structure
+        self._structure, self._look = wanted.structure, wanted.look
 
     def show(self, frame: Frame, finished: bool) -> None:
         from lightdepth.film.layers import write_frame, write_picture
 
         if finished:
             frame.metadata |= self._facts
-            write_picture(self._path.with_suffix(".png"), frame, self._exposure)
+            write_picture(self._path.with_suffix(".png"), frame, self._exposure, look=self._look)
             write_frame(self._path, frame, self.layers, self._rate, self._structure)
 
 

@@ -11,6 +11,7 @@ from lightdepth.errors import InputError
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
     from lightdepth.film.layers import Structure
+    from lightdepth.images.look import Look
 
 
 class Display(Protocol):
@@ -65,12 +66,13 @@ class PngDisplay:
     Args:
         file: where to write; its folder is made.
         exposure: stops by which it is lighter than the panorama's own brightness asks for.
+        look: instead of our own tone curve.
     """
 
-    def __init__(self, file: Path, exposure: float = 0.0) -> None:
+    def __init__(self, file: Path, exposure: float = 0.0, look: Look | None = None) -> None:
         self.file: Path | None = file
         self.layers: Collection[str] | None = ()
-        self._exposure = exposure
+        self._exposure, self._look = exposure, look
 
     def show(self, frame: Frame, finished: bool) -> None:
         """As for every display."""
@@ -78,7 +80,7 @@ class PngDisplay:
 
         assert self.file is not None
         _make_folder(self.file)
-        write_picture(self.file, frame, picture_exposure(frame) + self._exposure)
+        write_picture(self.file, frame, picture_exposure(frame) + self._exposure, look=self._look)
 
 
 class MemoryDisplay:
