@@ -1,4 +1,4 @@
-"""The benchmark's command line: ``python -m bench``, ``python -m bench truth`` and ``python -m bench cost``."""
+"""The benchmark's command line: ``python -m bench`` and its parts ``truth``, ``cost`` and ``gloss``."""
 
 from __future__ import annotations
 
@@ -75,6 +75,39 @@ def truth(
     keep(table)
     _print_table(table)
     console.print(f"truth and the methods, top to bottom: {RESULTS / table['picture']}", highlight=False, markup=False)
+
+
+@app.command()
+def gloss(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> None:
+    """A polished floor from a camera elsewhere, with and without its gloss; print the errors."""
+    from bench.gloss import table
+
+    _print_table(table(quick, console))
+
+
+@app.command()
+def suns() -> None:
+    """Rooms whose sun the capture point does not see: bias with the sun declared, recovered and missing, and its cost."""
+    from bench.missing_light import keep
+    from bench.suns import EFFORT
+    from bench.suns import suns as measure_suns
+
+    tables = measure_suns(EFFORT, console)
+    keep("suns", tables)
+    for table in tables:
+        _print_table(table)
+
+
+@app.command()
+def clipped() -> None:
+    """Panoramas clipped on purpose: the sun that is recovered, and the depth of its shadows."""
+    from bench.clipped import clipped as measure_clipped
+    from bench.missing_light import keep
+
+    tables = measure_clipped(console)
+    keep("clipped", tables)
+    for table in tables:
+        _print_table(table)
 
 
 def _print_table(table: dict[str, Any]) -> None:

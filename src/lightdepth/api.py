@@ -73,7 +73,7 @@ def render(
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
 
-        return denoised(frame)
+        return denoised(frame, scene.render.parameters.denoising)
     return frame
 
 

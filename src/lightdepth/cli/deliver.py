@@ -101,13 +101,15 @@ def deliver(
 
 def _rate(text: str | None, stated: Fraction | None, frames: Path) -> Fraction:
     """Frames per second of the option ``--fps``, or those that the frames state."""
+    from lightdepth.scene.animation.sequence import exact_rate
+
     if text is None:
         if stated is None:
             raise InputError(f"{frames}: the frames do not state their frames per second; give --fps")
         return stated
     try:
-        rate = Fraction(text).limit_denominator(1001)
-    except (ValueError, ZeroDivisionError):
+        rate = Fraction(text) if "/" in text else exact_rate(float(text))
+    except (ValueError, ZeroDivisionError, OverflowError):
         raise InputError(f"--fps {text[:40]}: write it as 24, 29.97 or 24000/1001") from None
     if not 0 < rate <= MOST_RATE:
         raise InputError(f"--fps {text[:40]}: must be above 0, and at most {MOST_RATE}")

@@ -53,8 +53,17 @@ def write_movie(
     with whole_folder(wanted.file) as folder:
         file = folder / wanted.file.name
         encode(
-            file, pictures, arranged.size, wanted.rate, codec, wanted.quality, tags, wanted.audio, progress
-        )  # fmt: skip
+            file,
+            pictures,
+            arranged.size,
+            wanted.rate,
+            codec,
+            wanted.quality,
+            tags,
+            wanted.audio,
+            progress,
+            wanted.file,
+        )
         if arranged.sphere is not None:
             flat = file.rename(file.with_stem("flat"))
             mark_spherical(flat, file, arranged.sphere, software())

@@ -121,6 +121,7 @@ def encode(
     tags: ColourTags = REC709,
     audio: Path | None = None,
     progress: Callable[[], None] = lambda: None,
+    name: Path | None = None,
 ) -> None:
     """Write a video.
 
@@ -134,6 +135,7 @@ def encode(
         tags: what the display values are.
         audio: a sound file; it is cut where the pictures end.
         progress: called after each picture.
+        name: of the file in messages, where ``target`` is a temporary one.
 
     Raises:
         InputError: a setting is not accepted, or the sound cannot be read.
@@ -142,37 +144,34 @@ def encode(
     options = dict(codec.options)
     if codec.quality is not None:
         options["crf"] = str(codec.quality if quality is None else quality)
-    if "x265-params" in options:  # It would report on standard error; and it knows the tags by names only here.
+    if "x265-params" in options:  # It would report on standard error.
         options["x265-params"] = "log-level=error"
     if codec.encoder == "prores_ks":
         options["color_range"] = "tv"
-    with _quiet(av), _opened(av, target, "w") as output:
-        stream = output.add_stream(codec.encoder, rate=rate, options=options)
-        stream.width, stream.height = size
-        stream.pix_fmt = codec.pixels
-        stream.time_base = 1 / rate
-        context = stream.codec_context
-        context.color_primaries, context.color_trc = tags.primaries, tags.transfer
-        context.colorspace, context.color_range = tags.matrix, 1
-        if codec.tag is not None:
-            context.codec_tag = codec.tag
-        sound = None if audio is None else _Sound(av, audio, output)
-        count = 0
-        try:
-            for count, picture in enumerate(pictures, 1):
+    try:
+        with _quiet(av), _opened(av, target, "w") as output:
+            stream = output.add_stream(codec.encoder, rate=rate, options=options)
+            stream.width, stream.height = size
+            stream.pix_fmt = codec.pixels
+            stream.time_base = 1 / rate
+            context = stream.codec_context
+            context.color_primaries, context.color_trc = tags.primaries, tags.transfer
+            context.colorspace, context.color_range = tags.matrix, 1
+            if codec.tag is not None:
+                context.codec_tag = codec.tag
+            sound = None if audio is None else _Sound(av, audio, output)
+            for count, picture in enumerate(pictures):
                 frame = _frame(av, picture, codec, tags)
-                frame.pts, frame.time_base = count - 1, 1 / rate
-                for packet in stream.encode(frame):
-                    output.mux(packet)
+                frame.pts, frame.time_base = count, 1 / rate
+                output.mux(stream.encode(frame))
                 if sound is not None:
-                    sound.until(Fraction(count) / rate)
+                    sound.until((count + 1) / rate)
                 progress()
-            for packet in stream.encode(None):
-                output.mux(packet)
+            output.mux(stream.encode(None))
             if sound is not None:
                 sound.finish()
-        except av.error.FFmpegError as error:
-            raise InputError(f"{target}: cannot be encoded ({error.strerror or error})") from error
+    except av.error.FFmpegError as error:
+        raise InputError(f"{name or target}: cannot be encoded ({_reason(error)})") from error
 
 
 def _frame(av: Any, picture: NDArray[np.uint16], codec: Codec, tags: ColourTags) -> Any:
@@ -222,7 +221,7 @@ class _Sound:
                 self._ended = True
                 break
             except self._av.error.FFmpegError as error:
-                raise InputError(f"--audio {self._path}: cannot be read ({error.strerror or error})") from error
+                raise InputError(f"--audio {self._path}: cannot be read ({_reason(error)})") from error
             decoded.pts = None
             for frame in self._resampler.resample(decoded):
                 self._put(frame)
@@ -230,13 +229,11 @@ class _Sound:
     def _put(self, frame: Any) -> None:
         frame.pts, frame.time_base = self._position, Fraction(1, self._rate)
         self._position += frame.samples
-        for packet in self._stream.encode(frame):
-            self._output.mux(packet)
+        self._output.mux(self._stream.encode(frame))
 
     def finish(self) -> None:
         """Encode what is left in the encoder."""
-        for packet in self._stream.encode(None):
-            self._output.mux(packet)
+        self._output.mux(self._stream.encode(None))
         self._input.close()
 
 
@@ -247,7 +244,7 @@ def _opened(av: Any, path: Path, mode: str) -> Any:
         return av.open(str(path), mode)
     except av.error.FFmpegError as error:
         what = f"--audio {path}: not a readable sound file" if mode == "r" else f"{path}: cannot be written"
-        raise InputError(f"{what} ({error.strerror or error})") from error
+        raise InputError(f"{what} ({_reason(error)})") from error
 
 
 class _quiet:  # noqa: N801 - a context manager
@@ -263,3 +260,9 @@ class _quiet:  # noqa: N801 - a context manager
 
     def __exit__(self, *_: object) -> None:
         self._logging.set_level(self._before)
+
+
+def _reason(error: Any) -> str:
+    """What FFmpeg says of an error: its last words are more exact than its number."""
+    log = getattr(error, "log", None)
+    return str(log[2]).strip() if log else str(error.strerror or error)

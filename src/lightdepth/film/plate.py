@@ -10,6 +10,7 @@ from scipy.stats.qmc import Sobol
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
+from lightdepth.film.highlights import Highlights
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
 from lightdepth.parameters.film import DEFAULT, FilmParameters
@@ -59,6 +60,7 @@ def render_plate(
         camera's image, and the share of each pixel inside it. A camera whose pixels are the panorama's gets these,
         bit for bit; any other one the mean over a grid of points in each pixel, fine enough for the panorama's detail.
         A lens with an aperture blurs the photograph as it blurs the objects: the mean is over points of the lens as well.
+        What glossy surfaces mirror is that which they mirror toward this camera (:mod:`lightdepth.film.highlights`).
     """
     width, height = view.resolution
     if view.same_pixels(panorama.viewpoint):
@@ -72,6 +74,7 @@ def render_plate(
         fewest, most = parameters.fewest_lens_points, parameters.most_lens_points
         count = fewest if draft else _lens_points(view, place, fewest, most)
         points = Sobol(4, rng=0).random(count)
+    highlights = Highlights(place, len(points), draft) if Highlights.move(view, place) else None
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
     for band in bands(width, height):
@@ -83,6 +86,7 @@ def render_plate(
             radius = _blur(view, place, view.pixel_rays(band.column, band.row, mi.Point2f(0.5), mi.Point2f(0.5)))
             margin = dr.maximum(1.0, radius * float(np.sqrt(np.pi / len(points))))
             dr.eval(margin)
+        moved = None if highlights is None else highlights.of_band(band)
         for point in points:
             # Point by point, so that one small kernel serves all of them.
             offset, lens = mi.Point2f(*map(float, point[:2])), mi.Point2f(*map(float, point[2:]))
@@ -93,8 +97,12 @@ def render_plate(
             total += place.photograph.sharp(hit, seen.ray.d) & seen.inside
             share += dr.select(seen.inside, 1.0, 0.0)
             dr.eval(total, share)
+            if moved is not None:
+                moved.add(hit, seen)
         scale = 1.0 / len(points)
         plate[band.rows] = (total * scale).numpy().T.reshape(*band.shape, 3)
+        if moved is not None:
+            plate[band.rows] = np.maximum(plate[band.rows] + moved.change(), 0.0)
         alpha[band.rows] = (share * scale).numpy().reshape(band.shape)
     return plate, alpha
 

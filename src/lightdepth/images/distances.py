@@ -55,7 +55,8 @@ def read_distances(path: Path, channel: str | None = None) -> tuple[FloatArray, 
             "them, 'reconstruct from-depth --estimated' takes them"
         )
     whole = bool(np.issubdtype(values.dtype, np.integer))
-    distances = values.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # Of signalling NaN, which stay NaN.
+        distances = values.astype(np.float64)
     if path.suffix.lower() == ".png":
         distances[values == UNMEASURED] = np.nan
     elif not whole:
@@ -76,7 +77,8 @@ def read_estimate(path: Path, channel: str | None = None) -> FloatArray:
     Raises:
         InputError: see :func:`read_distances`; or all values are the same.
     """
-    values = _read(path, channel).astype(np.float64)
+    with np.errstate(invalid="ignore"):
+        values = _read(path, channel).astype(np.float64)
     values[values >= FARTHEST] = np.inf
     values[values <= -FARTHEST] = np.nan
     known = values[np.isfinite(values)]

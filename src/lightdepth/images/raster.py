@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
+import cv2
 import numpy as np
-import OpenImageIO
 from numpy.typing import NDArray
 
+from lightdepth.errors import InputError
 from lightdepth.images.writing import whole_file
 
 SUFFIXES = (".png", ".tif", ".tiff")
@@ -24,12 +24,8 @@ def write_raster(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> 
     Raises:
         InputError: the file cannot be written (folder missing, no permission, disk full).
     """
-    height, width, channels = pixels.shape
-    spec = OpenImageIO.ImageSpec(width, height, channels, pixels.dtype.name)
-    spec["compression"] = "zip"
-    with whole_file(path) as temporary:
-        output: Any = OpenImageIO.ImageOutput.create(str(temporary))
-        if not (output.open(str(temporary), spec) and output.write_image(np.ascontiguousarray(pixels))):
-            raise RuntimeError(output.geterror())
-        if not output.close():
-            raise RuntimeError(output.geterror())
+    encoded, data = cv2.imencode(path.suffix, cv2.cvtColor(np.ascontiguousarray(pixels), cv2.COLOR_RGB2BGR))
+    if not encoded:
+        raise InputError(f"{path}: cannot be encoded")
+    with whole_file(path) as temporary:  # By us: OpenCV and OpenImageIO do not notice a full disk.
+        temporary.write_bytes(data)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import latlong_to_direction as direction_of_latlong
-from lightdepth.kernel.arrays import aligned, aligned_empty
+from lightdepth.kernel.arrays import aligned_empty
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.tracing import first_hit
 from lightdepth.kernel.variables import as_matrix, as_point
@@ -25,12 +25,12 @@ from lightdepth.place.map_distribution import MapDistribution, direction_to_latl
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
-from lightdepth.place.unseen_sky import BANDS, sky_by_elevation
+from lightdepth.place.unseen_sky import sky_map
 from lightdepth.scene.model import Panorama
 
 DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
-SKY_ROWS = 1024
+SKY_ROWS = 256
 """Rows of pixels, at most, from which the sky's mean radiance is taken."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
@@ -59,7 +59,7 @@ class Photograph(RealLight):
         self._capture = as_point(panorama.position)
         self._pixel_angle = math.pi / self.map.height
         self._depth = self._depth_map()
-        self._unseen_sky = self._sky_table(panorama)
+        self._unseen_sky = self._sky_map(panorama)
         self._mirrored: mi.Texture2f | None = None
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Photograph:
@@ -201,8 +201,8 @@ class Photograph(RealLight):
 
     # -- Sky behind what the capture point sees -----------------------------------------------------------------
 
-    def _sky_table(self, panorama: Panorama) -> mi.Float | None:
-        """The sky by elevation, in groups of four values, where some of it may be unseen; else ``None``."""
+    def _sky_map(self, panorama: Panorama) -> mi.Texture2f | None:
+        """The sky in all world directions where some of it may be unseen; else ``None``."""
         if self.infinite or not self.surfaces.has_real:
             return None
         sky = np.isinf(self._depth.numpy()).reshape(self.map.height, self.map.width)
@@ -211,19 +211,20 @@ class Photograph(RealLight):
         step = max(1, self.map.height // SKY_ROWS)  # Of a large panorama, directions of all pixels would not fit.
         row, column = (np.arange(step // 2, size, step) for size in (self.map.height, self.map.width))
         u, v = np.meshgrid((column + 0.5) / self.map.width, (row + 0.5) / self.map.height)
-        upward = direction_of_latlong(u, v) @ panorama.rotation[2]
+        directions = direction_of_latlong(u, v) @ panorama.rotation.T
         some = np.ix_(row, column)
-        table = sky_by_elevation(panorama.light_radiance[some], sky[some], upward)
-        return None if table is None else mi.Float(aligned(np.pad(table, ((0, 0), (0, 1)))))
+        found = sky_map(panorama.light_radiance[some], sky[some], directions)
+        if found is None:
+            return None
+        wrapped = np.concatenate([found[:, -1:], found, found[:, :1]], axis=1)
+        return mi.Texture2f(mi.TensorXf(np.ascontiguousarray(wrapped)), wrap_mode=dr.WrapMode.Clamp)
 
     def _sky_at(self, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
-        """The sky's radiance in unit directions, world, by their elevation."""
-        at = (dr.asin(dr.clip(direction.z, -1.0, 1.0)) * dr.inv_pi + 0.5) * (BANDS - 1)
-        lower = dr.minimum(mi.UInt32(at), BANDS - 2)
-        share = at - mi.Float(lower)
-        below, above = (dr.gather(mi.Vector4f, self._unseen_sky, lower + step, active) for step in (0, 1))
-        value = dr.lerp(below, above, share)
-        return mi.Color3f(value.x, value.y, value.z)
+        """The sky's radiance in unit directions, world, as far as it can be guessed."""
+        assert self._unseen_sky is not None
+        u, v = direction_to_latlong(direction)
+        columns = self._unseen_sky.shape[1] - 2
+        return mi.Color3f(*self._unseen_sky.eval(mi.Point2f((u * columns + 1.0) / (columns + 2.0), v), active))
 
     # -- The depth of the map -----------------------------------------------------------------------------------
 

@@ -23,7 +23,7 @@ from lightdepth.place.photograph import Photograph
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.sun import Sun
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
-from lightdepth.scene.model import Panorama, SunLight
+from lightdepth.scene.model import Gloss, Panorama, SunLight
 
 SUN_SHARE, MOST_SUNS_SHARE = 1 / 8, 1 / 2
 """Of the light samples, for each sun and for all together: one in each vertex's RIS candidates is then of the sun."""
@@ -43,6 +43,7 @@ class Place:
         photograph: the panorama in its pose.
         lights: all lights, the photograph first.
         suns: those of ``lights`` that are suns.
+        glosses: the specular lobes of its surfaces, once what they mirror is known.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class Place:
         self.infinite = infinite
         self.photograph = Photograph(panorama, surfaces, infinite, alone)
         self.suns = tuple(Sun(sun, surfaces) for sun in suns)
+        self.glosses: tuple[Gloss, ...] = ()
         share = min(SUN_SHARE, MOST_SUNS_SHARE / max(len(self.suns), 1))
         self._shares = [1.0 - share * len(self.suns), *(share for _ in self.suns)]
 
@@ -77,9 +79,15 @@ class Place:
         place.photograph = self.photograph.with_surfaces(surfaces)
         return place
 
-    def with_mirrored(self, image: NDArray[np.float32]) -> Place:
-        """The same place with the radiance that its glossy surfaces mirror: see :meth:`Photograph.with_mirrored`."""
+    def with_mirrored(self, image: NDArray[np.float32], glosses: tuple[Gloss, ...]) -> Place:
+        """The same place with the radiance that its glossy surfaces mirror: see :meth:`Photograph.with_mirrored`.
+
+        Args:
+            image: see there.
+            glosses: the specular lobes that mirror it.
+        """
         place = copy(self)
+        place.glosses = glosses
         place.photograph = self.photograph.with_mirrored(image)
         return place
 

@@ -22,7 +22,7 @@ ALWAYS_MIRRORED = 0.3
 def recovered_reflectance(
     place: Place, surfaces: TracedSurfaces, hit: RealHit, active: mi.Bool
 ) -> tuple[mi.Color3f, mi.Color3f]:
-    """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``."""
+    """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``; environment keeps its lobe alone."""
     radiance = place.photograph.surface_radiance(hit, active)
     rho, specular_scale = reflectance(
         radiance,
@@ -30,7 +30,7 @@ def recovered_reflectance(
         place.photograph.mirrored(hit, active),
         surfaces.typical_albedo(hit, active),
     )
-    return rho & active, specular_scale & active
+    return rho & active & surfaces.receives(hit), specular_scale & active
 
 
 def reflectance(

@@ -22,12 +22,13 @@ from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
-from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
+from lightdepth.recovery.specular import fit_glosses, fitted_glosses, recover_mirrored
 from lightdepth.recovery.support_irradiance import IrradianceErrors, recover_irradiance
 from lightdepth.recovery.unseen_albedo import recover_unseen
 from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.model import Gloss, RealSurface, Role, Scene
 from lightdepth.store import Store
+from lightdepth.work import work
 
 KEPT = 2
 """Prepared places that a process keeps."""
@@ -81,7 +82,8 @@ def prepare_place(
     arrays = None if store is None else store.read(key)
     recovered = None if arrays is None else _unpacked(arrays, modelled)
     if recovered is None:
-        recovered = _recover(scene, empty, modelled, parameters)
+        with work(_paths(scene.render.irradiance_samples, parameters)):
+            recovered = _recover(scene, empty, modelled, parameters)
         if store is not None:
             store.write(key, _packed(recovered), str(scene.panorama.path or "made in memory"))
     real, errors = recovered.real, recovered.errors
@@ -90,7 +92,7 @@ def prepare_place(
     if modelled.deformed:
         place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)
     if recovered.mirrored is not None:
-        place = place.with_mirrored(recovered.mirrored)
+        place = place.with_mirrored(recovered.mirrored, real.glosses)
     prepared = PreparedPlace(place, real, errors)
     with _lock:
         _kept[key] = prepared
@@ -121,13 +123,25 @@ class _Recovered:
 def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: RecoveryParameters) -> _Recovered:
     generator = np.random.default_rng(scene.render.seed)
     samples = scene.render.irradiance_samples
+    as_seen = empty
+    glosses = (
+        fit_glosses(empty, modelled, parameters=parameters)
+        if empty.infinite
+        else fitted_glosses(scene, modelled, lambda: as_seen, parameters)
+    )
     if not (empty.infinite or modelled.deformed or scene.render.draft):  # It would be a quarter of a draft's time.
         empty, modelled = recover_unseen(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
-    modelled = with_fitted_glosses(empty, modelled, parameters)
+    modelled = replace(modelled, glosses=glosses)
     real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
     return _Recovered(real, errors, recover_mirrored(empty, modelled, parameters=parameters))
+
+
+def _paths(samples: int, parameters: RecoveryParameters) -> float:
+    """Paths that recovery follows, at most: at the vertices of the mesh, and at the points by which it is checked."""
+    vertices = min(parameters.most_vertices, parameters.vertices_a_sample * samples)
+    return float(samples * (vertices + parameters.check_points * parameters.check_samples))
 
 
 def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:

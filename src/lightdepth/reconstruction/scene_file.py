@@ -17,7 +17,7 @@ from lightdepth.errors import InputError, warn
 from lightdepth.files import exists
 from lightdepth.images.writing import whole_file
 from lightdepth.reconstruction.posed_panorama import PosedPanorama
-from lightdepth.scene.model import RealSurface, Role
+from lightdepth.scene.model import RealSurface
 from lightdepth.toml_file import document_bytes, read_document
 
 SAME_PLACE, SAME_TURN = 0.001, 2e-3
@@ -89,8 +89,6 @@ def with_surfaces(
         table["role"] = surface.role.value
         for key in ("position", "rotation", "scale", "rest"):
             table.pop(key, None)
-        if surface.role is not Role.SUPPORT:
-            table.pop("gloss", None)
     return document_bytes(document)
 
 

@@ -7,6 +7,8 @@ before what it mirrors.
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -23,8 +25,9 @@ from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.recovery.mesh_components import wind_toward_capture
+from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.meshes.geometry import face_areas, face_normals
-from lightdepth.scene.model import Gloss
+from lightdepth.scene.model import Gloss, Scene
 
 
 def fit_glosses(
@@ -46,7 +49,7 @@ def fit_glosses(
     lobes = SpecularLobes(tuple(replace(gloss, scale=1.0) for gloss in surfaces.glosses))
     fitted = []
     for index, declared in enumerate(surfaces.glosses, 1):
-        weights = np.where((surfaces.gloss == index) & surfaces.receiving, areas, 0.0)
+        weights = np.where(surfaces.gloss == index, areas, 0.0)
         face = (
             generator.choice(len(faces), parameters.gloss_points, p=weights / weights.sum())
             if weights.any()
@@ -72,9 +75,29 @@ def fit_glosses(
     return tuple(fitted)
 
 
-def with_fitted_glosses(place: Place, surfaces: RealSurfaces, parameters: RecoveryParameters = DEFAULT) -> RealSurfaces:
-    """The same surfaces with lobes that mirror no more than the photograph shows, but for a small share of their area."""
-    return replace(surfaces, glosses=fit_glosses(place, surfaces, parameters=parameters))
+def fitted_glosses(
+    scene: Scene, surfaces: RealSurfaces, place: Callable[[], Place], parameters: RecoveryParameters
+) -> tuple[Gloss, ...]:
+    """:func:`fit_glosses`, once for each of the places seen last: checking a scene and preparing it both need them.
+
+    Args:
+        scene: what the place belongs to.
+        surfaces: its real surfaces as modelled.
+        place: makes the place before insertion, where it is needed.
+        parameters: how carefully.
+    """
+    if not surfaces.glosses:
+        return ()
+    key = digest(place_digest(scene), parameters)
+    if key not in _fitted:
+        _fitted[key] = fit_glosses(place(), surfaces, parameters=parameters)
+        while len(_fitted) > KEPT:
+            _fitted.popitem(last=False)
+    return _fitted[key]
+
+
+KEPT = 4
+_fitted: OrderedDict[str, tuple[Gloss, ...]] = OrderedDict()
 
 
 def recover_mirrored(

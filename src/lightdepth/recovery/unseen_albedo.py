@@ -96,8 +96,8 @@ def recover_unseen(
     albedo = modelled.unseen_albedo.copy()
     albedo[chosen] = part.unseen_albedo
     modelled = replace(modelled, unseen_albedo=albedo)
-    environment = ~modelled.receiving
-    grids = grids.of_faces(~part.receiving[grids.mesh.parent])
+    environment = ~modelled.scattering
+    grids = grids.of_faces(~part.scattering[grids.mesh.parent])
     return place, with_refined(modelled, chosen & environment, part, grids, irradiance)
 
 

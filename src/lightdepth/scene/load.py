@@ -185,7 +185,7 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
         defects = [] if radiance is found else find_defects(found)
         panorama = replace(
             panorama,
-            radiance=radiance if picture.scale == 1.0 else radiance * np.float32(picture.scale),
+            radiance=radiance if picture.scale == 1.0 else _scaled(radiance, picture.scale),
             path=picture.image,
             repairs=tuple(f"{picture.image}: {defect}; replaced" for defect in defects) if repair else (),
             notes=image.notes,
@@ -193,6 +193,14 @@ def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems
         if defects and not repair:
             validate_panorama(found, picture.image)
     return panorama
+
+
+def _scaled(radiance: NDArray[np.float32], scale: float) -> NDArray[np.float32]:
+    with np.errstate(over="ignore"):
+        scaled = radiance * np.float32(scale)
+    if not np.isfinite(scaled).all():
+        raise InputError(f"scale = {scale:g}: the radiance becomes larger than a number of 32 bits")
+    return scaled
 
 
 def _real_surface(table: RealTable) -> RealSurface:

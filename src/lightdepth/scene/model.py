@@ -59,7 +59,7 @@ class AnalyticShape:
 
 @dataclass(frozen=True)
 class Gloss:
-    """Specular lobe on a support surface.
+    """Specular lobe on a real surface.
 
     Attributes:
         roughness: of the GGX distribution, in [0, 1].
@@ -82,7 +82,7 @@ class RealSurface:
         name: for messages.
         mesh: in world space.
         role: what it does in the augmented scene.
-        gloss: specular lobe of support.
+        gloss: specular lobe; environment with one mirrors the new objects and does not change otherwise.
         opening: a window pane, through which a declared sun shines in; what the photograph shows of it stays.
     """
 

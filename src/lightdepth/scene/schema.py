@@ -46,7 +46,7 @@ class PanoramaTable(CapturePose, Picture):
 
 
 class GlossTable(Table):
-    """``gloss = { roughness, specular }`` of a support surface."""
+    """``gloss = { roughness, specular }`` of a real surface."""
 
     roughness: Number = Field(ge=0.0, le=1.0)
     specular: Number = Field(default=0.5, ge=0.0, le=1.0)
@@ -64,8 +64,8 @@ class RealTable(Placed):
 
     @model_validator(mode="after")
     def _fits_the_role(self) -> RealTable:
-        if self.gloss is not None and self.role != "support":
-            raise ValueError("gloss is for role = 'support' only")
+        if self.gloss is not None and self.opening:
+            raise ValueError("gloss is not for an opening, which shows what stands behind it")
         if self.opening and self.role != "environment":
             raise ValueError("opening is for role = 'environment' only")
         return self

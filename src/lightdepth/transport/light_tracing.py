@@ -103,7 +103,7 @@ class LightTracer:
         surfaces: real and synthetic surfaces; no material may have holes.
         bounds: of the objects.
         targets: of those that light paths are sent toward.
-        lobes: the specular lobes of the support.
+        lobes: the specular lobes of real surfaces.
         max_bounces: scatterings, the last one included, that a path may have.
         light_samples: how many light samples of the map those of camera paths at an object count as in MIS.
         parameters: how paths are followed.
@@ -308,7 +308,7 @@ class LightTracer:
         outgoing = offset * dr.rcp(dr.maximum(distance, 1e-20))
         cosine, incoming_cosine = dr.dot(normal, outgoing), dr.dot(normal, incoming)
         on_object &= camera.seen
-        on_support = on_real & camera.seen & (hit.kind == int(FaceKind.SUPPORT))
+        on_support = on_real & camera.seen & self.surfaces.scatters(hit) & (hit.kind != int(FaceKind.RELIT))
         on_support &= (incoming_cosine > 0.0) & (cosine > 0.0)
 
         rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, on_support)
