@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import warnings
 import wave
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -14,8 +15,10 @@ import pytest
 from PIL import Image
 
 from lightdepth.cameras.topology import Flat, Rectangle, Spherical
+from lightdepth.delivery.spherical import Sphere, mark_spherical
+from lightdepth.delivery.video import CODECS, find_codec
 from lightdepth.directions import euler_rotation
-from lightdepth.errors import InputWarning
+from lightdepth.errors import InputError, InputWarning, SetupError
 from lightdepth.film.frame import Frame
 from lightdepth.film.layers import write_frame
 from lightdepth.images.gpano import photo_sphere_xmp, read_photo_sphere
@@ -108,6 +111,15 @@ def _from_bt709(y, blue, red):
     return np.stack([r, (y - 0.2126 * r - 0.0722 * b) / 0.7152, b], axis=-1)
 
 
+def heard(path):
+    """The sound's effective value: it lies where the moved index says."""
+    import av
+
+    with av.open(str(path)) as file:
+        blocks = [frame.to_ndarray() for frame in file.decode(audio=0)]
+    return np.sqrt(np.mean(np.concatenate(blocks, axis=1)[:, 2048:6000] ** 2))
+
+
 def delivered(command, *arguments):
     status, _, errors = command("deliver", *map(str, arguments))
     assert status == 0, errors
@@ -147,6 +159,7 @@ def test_a_spherical_video_of_each_codec(shots, tmp_path, command, has_video, co
         np.testing.assert_allclose(pixels[flat].mean((0, 1)), wanted[flat].mean((0, 1)), atol=0.005)
         bright = pixels[2:6].mean(axis=(0, 2))
         assert 8 * number <= np.argmax(bright) < 8 * number + 8
+    assert heard(target) == pytest.approx(8000 / 32768 / np.sqrt(2), rel=0.05)
     streams = probed(target)
     video = streams["video"]
     assert (video["codec_name"], video["pix_fmt"], video["codec_tag_string"]) == found
@@ -189,6 +202,32 @@ def test_stereo(shots, tmp_path, command, has_video, shot, kind, size, stereo, b
         assert np.abs(decoded(target)[0] - wanted)[34:, 4:60].max() < 0.06
 
 
+def test_marks_in_files_of_other_programs(shots, tmp_path, has_video):
+    """The index before the pictures, and the sound's track before theirs; what is no video is refused."""
+    import av
+
+    with av.open(str(tmp_path / "a.mp4"), "w", options={"movflags": "faststart"}) as file:
+        sound, video = file.add_stream("aac", rate=48000, layout="mono"), file.add_stream("libx264", rate=25)
+        video.width, video.height, video.pix_fmt = 64, 32, "yuv420p"
+        for number in range(3):
+            block = av.AudioFrame.from_ndarray(np.full((1, 1920), 0.1, np.float32), "fltp", "mono")
+            block.sample_rate, block.pts = 48000, 1920 * number
+            file.mux(sound.encode(block))
+            file.mux(video.encode(av.VideoFrame.from_ndarray(np.full((32, 64, 3), 80 * number, np.uint8), "rgb24")))
+        file.mux(sound.encode(None))
+        file.mux(video.encode(None))
+    whole = (tmp_path / "a.mp4").read_bytes()
+    assert whole.index(b"moov") < whole.index(b"mdat")
+    mark_spherical(tmp_path / "a.mp4", tmp_path / "b.mp4", Sphere("side-by-side"), "x")
+    for before, after in zip(decoded(tmp_path / "a.mp4"), decoded(tmp_path / "b.mp4"), strict=True):
+        np.testing.assert_array_equal(before, after)
+    assert side_data(probed(tmp_path / "b.mp4")["video"])["Stereo 3D"]["type"] == "side by side"
+    for damage in (b"", b"no video at all", whole[: len(whole) // 3], whole.replace(b"stsd", b"stsx")):
+        (tmp_path / "c.mp4").write_bytes(damage)
+        with pytest.raises(InputError, match="c.mp4: "):
+            mark_spherical(tmp_path / "c.mp4", tmp_path / "d.mp4", Sphere(), "x")
+
+
 def test_a_flat_video_has_no_marks(shots, tmp_path, command, has_video):
     delivered(
         command, shots / "view.####.exr", "--as", "video", "-o", tmp_path / "a.mp4", "--frames", "4-6", "--step", 2
@@ -197,20 +236,25 @@ def test_a_flat_video_has_no_marks(shots, tmp_path, command, has_video):
     assert len(decoded(tmp_path / "a.mp4")) == 2
 
 
-def test_a_dome_master_is_numbered_and_described(shots, tmp_path, command):
-    arguments = [shots / "dome.####.exr", "--as", "dome-master", "--audio", shots / "tone.wav", "--fps", 30]
+@pytest.mark.parametrize(("suffix", "bits"), [(".png", 16), (".tif", 16), (".png", 8)])
+def test_a_dome_master_is_numbered_and_described(shots, tmp_path, command, suffix, bits):
+    arguments = [shots / "dome.####.exr", "--as", "dome-master", "--audio", shots / "tone.wav", "--fps", 29.97]
     with warnings.catch_warnings():
         warnings.simplefilter("always", InputWarning)  # As for users; here, warnings are errors.
-        errors = delivered(command, *arguments, "-o", tmp_path / "out" / "Show.png")
+        errors = delivered(command, *arguments, "-o", tmp_path / "out" / f"Show{suffix}", "--bits", bits)
     assert "64 x 64 pixels; domes expect 1024" in errors
     assert "its camera looks 0 degrees above the horizon" in errors
-    frames = [f"Show_{number:05}.png" for number in range(1, COUNT + 1)]
+    frames = [f"Show_{number:05}{suffix}" for number in range(1, COUNT + 1)]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["Show.txt", "Show.wav", *frames]
     pixels = OpenImageIO.ImageBuf(str(tmp_path / "out" / frames[0]))
-    assert pixels.spec().format == "uint16"
+    assert pixels.spec().format == f"uint{bits}"
     np.testing.assert_allclose(pixels.get_pixels("float"), expected(64, 64, 3), atol=0.5 / 255 + 1e-5)
     text = (tmp_path / "out" / "Show.txt").read_text()
-    for line in ("Resolution: 64 x 64", "Frames: 4, Show_00001 to Show_00004", "Frame rate: 30 per second"):
+    for line in (
+        "Resolution: 64 x 64",
+        "Frames: 4, Show_00001 to Show_00004",
+        "Frame rate: 29.97 per second (30000/1001)",
+    ):
         assert line + "\n" in text
 
 
@@ -278,6 +322,13 @@ def test_a_perceptual_quantiser_is_tagged(shots, tmp_path, command, has_video):
     assert (video["color_primaries"], video["color_transfer"], video["color_space"]) == (
         "bt2020", "smpte2084", "bt2020nc",
     )  # fmt: skip
+
+
+def test_an_encoder_that_is_lacking_is_named(has_video, tmp_path, monkeypatch):
+    """As in builds of FFmpeg that leave out what is patented."""
+    monkeypatch.setitem(CODECS, "hevc", replace(CODECS["hevc"], encoder="libabsent"))
+    with pytest.raises(SetupError, match=r"no encoder libabsent for hevc; use another codec \(h264, av1, prores\)"):
+        find_codec("hevc", tmp_path / "x.mp4", (64, 64))
 
 
 BAD = {
