@@ -53,6 +53,14 @@ def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> N
 
 
 @app.command()
+def captures(quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False) -> None:
+    """One, two and three captures of the L-shaped room, and a camera that travels through it."""
+    from bench.captures import captures as measure
+
+    _print_table(measure(quick, console))
+
+
+@app.command()
 def truth(
     scene: Annotated[Path, typer.Option(help="A Mitsuba scene file, for example living-room/scene_patched.xml.")],
     capture: Annotated[str, typer.Option(help="Capture point X,Y,Z in the scene's own units and axes.")],

@@ -49,6 +49,7 @@ def full_frame():
     normal = random.normal(size=(*shape, 3))
     frame.normal = (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype(np.float32)
     frame.albedo = random.uniform(0, 1, (*shape, 3)).astype(np.float32)
+    frame.photograph = random.uniform(0, 1, (*shape, 2)).astype(np.float32)
     frame.variance = random.uniform(0, 1e-9, (*shape, 3)).astype(np.float32)
     frame.samples = random.integers(1, 2**32, shape, dtype=np.uint32)
     frame.metadata = {"method": "difference", "seed": "7"}
@@ -86,7 +87,18 @@ def test_a_frame_comes_back_from_its_file(tmp_path):
     frame = full_frame()
     write_frame(tmp_path / "f.exr", frame)
     back = read_frame(tmp_path / "f.exr")
-    for name in ("plate", "change", "synthetic", "coverage", "alpha", "object_id", "depth", "variance", "samples"):
+    for name in (
+        "plate",
+        "change",
+        "synthetic",
+        "coverage",
+        "alpha",
+        "object_id",
+        "depth",
+        "variance",
+        "samples",
+        "photograph",
+    ):
         np.testing.assert_array_equal(getattr(back, name), getattr(frame, name), strict=True)
     np.testing.assert_allclose(back.normal, frame.normal, atol=5e-4)
     np.testing.assert_allclose(back.albedo, frame.albedo, atol=5e-4)
@@ -108,6 +120,7 @@ CHANNELS = {
     "depth": ["depth.Z"],
     "normal": ["N.X", "N.Y", "N.Z"],
     "albedo": ["albedo.R", "albedo.G", "albedo.B"],
+    "photograph": ["photograph.share1", "photograph.share2"],
     "variance": ["variance.R", "variance.G", "variance.B"],
     "samples": ["samples.count"],
 }

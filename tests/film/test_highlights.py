@@ -67,7 +67,7 @@ def scene():
 def plate(scene, position, target):
     camera = Perspective(type="perspective", width=48, height=36, fov=80)
     view = CameraView(camera, position, look_at_rotation(position, target))
-    result, _ = render_plate(view, scene.panorama, prepare_place(scene).place)
+    result, _ = render_plate(view, scene.panoramas, prepare_place(scene).place)
     y, x = np.mgrid[:36, :48] + 0.5
     across = np.tan(np.radians(40.0))
     local = np.stack([(x / 24 - 1) * across, np.ones_like(x), (1 - y / 18) * across * 0.75], axis=-1)

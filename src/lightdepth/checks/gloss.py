@@ -21,13 +21,15 @@ def gloss_problems(scene: Scene) -> list[Problem]:
     from lightdepth.place.place import Place
     from lightdepth.place.real_surfaces import merge_real_surfaces
     from lightdepth.place.traced_surfaces import TracedSurfaces
+    from lightdepth.recovery.gains import solve_gains
     from lightdepth.recovery.specular import fitted_glosses
 
     surfaces = merge_real_surfaces(scene.real)
 
     def place() -> Place:
-        photographed = replace(surfaces, vertices=surfaces.rest)
-        return Place(scene.panorama, TracedSurfaces(photographed), suns=scene.lights)
+        traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
+        gains = solve_gains(scene.panoramas, traced).gains
+        return Place(scene.panoramas, traced, suns=scene.lights, gains=gains)
 
     fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))

@@ -78,15 +78,20 @@ class Highlights:
         hit = dr.gather(RealHit, hit, index)
         direction = dr.gather(mi.Vector3f, direction, index)
         normal = dr.mulsign(hit.normal, -dr.dot(hit.normal, direction))
-        toward_capture = mi.Vector3f(*place.capture.tolist()) - mi.Vector3f(hit.point)
-        toward_capture *= dr.rcp(dr.maximum(dr.norm(toward_capture), 1e-20))
+        captures, faced = [], mi.Bool(False)
+        for each in photograph.each:
+            toward_capture = mi.Vector3f(*each.capture.tolist()) - mi.Vector3f(hit.point)
+            toward_capture *= dr.rcp(dr.maximum(dr.norm(toward_capture), 1e-20))
+            captures.append(toward_capture)
+            faced |= dr.dot(normal, toward_capture) > 0.0
         seen, _, radiance = photograph.sight(mi.Vector3f(hit.point), normal)
-        seen &= dr.dot(normal, toward_capture) > 0.0
+        seen &= faced
+        shares = photograph.surface_shares(hit, direction, seen)
         irradiance, typical = place.surfaces.irradiance(hit, seen), place.surfaces.typical_albedo(hit, seen)
         points, normals = (value.numpy().T for value in (hit.point, normal))
         gloss, state = hit.gloss.numpy().astype(np.uint32), self.generator.bit_generator.state
         mirrored = []
-        for outgoing in (toward_capture, -direction):
+        for outgoing in (*captures, -direction):
             self.generator.bit_generator.state = state
             mirrored.append(
                 estimate_specular(
@@ -101,9 +106,10 @@ class Highlights:
                     PARAMETERS,
                 )
             )
-        here = mi.Color3f(*(mi.Float(aligned(channel)) for channel in mirrored[0].T))
+        shown = np.sum([share[:, None] * each for share, each in zip(shares, mirrored, strict=False)], axis=0)
+        here = mi.Color3f(*(mi.Float(aligned(channel)) for channel in shown.T))
         _, scale = reflectance(radiance, irradiance, here, typical)
-        change = scale.numpy().T * (mirrored[1] - mirrored[0])
+        change = scale.numpy().T * (mirrored[-1] - shown)
         valid = seen.numpy()
         return np.where(valid[:, None], change, 0.0), valid
 

@@ -30,12 +30,13 @@ LAYERS: dict[str, tuple[str, type[np.generic]]] = {
     "depth": ("Z", np.float32),
     "normal": ("XYZ", np.float16),
     "albedo": ("RGB", np.float16),
+    "photograph": ("share", np.float32),
     "variance": ("RGB", np.float32),
     "samples": ("count", np.uint32),
     "cryptomatte": ("", np.float32),
 }
 """Channels and pixel type of each layer of a frame. Half floats only where nobody could see the difference."""
-AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo", "cryptomatte"})
+AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo", "photograph", "cryptomatte"})
 """Those that take time of their own, see ``lightdepth.film.auxiliary``."""
 FILE_NAMES = {"normal": "N"}
 """Names of layers in the file that are not the layer's own, but the ones that compositing programs know."""
@@ -119,6 +120,8 @@ def _channels(layer: str, names: str, pixels: np.ndarray) -> dict[str, np.ndarra
         return {layer: pixels}
     if names == "XYZ":
         return {f"{layer}.{name}": pixels[:, :, i] for i, name in enumerate(names)}
+    if names == "share":
+        return {f"{layer}.share{number}": pixels[:, :, number - 1] for number in range(1, pixels.shape[2] + 1)}
     return {f"{layer}.{names}": pixels}
 
 
@@ -139,6 +142,9 @@ def read_frame(path: Path) -> Frame:
     layers: dict[str, Any] = {}
     for layer, (channels, dtype) in LAYERS.items():
         letters = list(channels) if channels in ("RGB", "XYZ") else [channels]
+        if channels == "share":
+            count = sum(name.startswith(f"{layer}.share") for name in planes_of)
+            letters = [f"share{number}" for number in range(1, max(count, 1) + 1)]
         names = [f"{FILE_NAMES.get(layer, layer)}.{letter}" for letter in letters]
         absent = [name for name in names if name not in planes_of]
         if len(absent) == len(names) or layer == "shadow":  # The frame computes that.

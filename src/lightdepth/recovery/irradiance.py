@@ -60,8 +60,9 @@ def estimate_mirrored(
     generator: np.random.Generator,
     samples: int,
     parameters: RecoveryParameters = DEFAULT,
+    capture: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float32]:
-    """Radiance that specular lobes at points send toward the capture point, eq. (6b).
+    """Radiance that specular lobes at points send toward a capture point, eq. (6b).
 
     Args:
         place: the place before insertion.
@@ -72,11 +73,12 @@ def estimate_mirrored(
         generator: source of randomness.
         samples: of each technique at each point, an even number.
         parameters: how many light samples they share.
+        capture: the capture point, world, metres, shape (3,); by default that of the first photograph.
 
     Returns:
         Radiance, shape (n, 3), float32.
     """
-    outgoing = place.capture - points
+    outgoing = (place.capture if capture is None else capture) - points
     outgoing /= np.maximum(np.linalg.norm(outgoing, axis=1, keepdims=True), 1e-12)
     return estimate_specular(place, points, normals, outgoing, lobes, gloss, generator, samples, parameters)
 

@@ -132,7 +132,7 @@ def _look(
     sees, occluded, radiance = place.photograph.sight(_vectors(points), _vectors(normals))
     unseen = occluded.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
     chosen = np.bincount(face[unseen], minlength=len(areas)) > 0
-    front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
+    front = place.photograph.faced(points, normals)
     kept = np.flatnonzero(sees.numpy() & front)
     most = max(parameters.unseen_fewest_seen, parameters.unseen_pairs // max(int(chosen.sum()), 1))
     if len(kept) > most:

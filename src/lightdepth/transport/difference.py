@@ -158,7 +158,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         material = materials.index(si, on_synthetic)
         scatters = depth < self.max_bounces
         active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(material, on_synthetic))
-        rho, specular_scale = self._reflectance(hit, active & on_support)
+        rho, specular_scale = self._reflectance(hit, ray.d, active & on_support)
         if cache is not None:
             cached, mean, begins, here = self._cached(cache, path, hit, active & on_support)
             radiance += dr.select(cached, throughput * rho * mean, 0.0)
@@ -265,7 +265,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
         on_support = on_real & self.surfaces.scatters(hit) & (dr.dot(hit.normal, ray.d) < 0.0)
         in_difference = on_support & (hit.kind != int(FaceKind.RELIT))
-        rho, specular_scale = self._reflectance(hit, on_support)
+        rho, specular_scale = self._reflectance(hit, ray.d, on_support)
         point = dr.select(on_synthetic, si.p, hit.point)
         cones = self.bounds.cones(point) if self.has_support and self.bounds is not None else None
         directed = dr.select(in_difference, mi.Float(1.0), 0.0)
@@ -372,11 +372,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             return mi.Bool(False)
         return mi.has_flag(self.surfaces.materials.flags(material, active), mi.BSDFFlags.Null)
 
-    def _reflectance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f]:
-        """Recovered albedo and factor on the specular lobe at support points, else 0."""
+    def _reflectance(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f]:
+        """Recovered albedo and factor on the specular lobe at support points that rays meet, else 0."""
         if not (self.has_support or self.has_relit):
             return mi.Color3f(0.0), mi.Color3f(0.0)
-        return recovered_reflectance(self.place, self.surfaces, hit, active)
+        return recovered_reflectance(self.place, self.surfaces, hit, direction, active)
 
     def _clamped(self, value: mi.Color3f, depth: mi.UInt32) -> mi.Color3f:
         """Indirect light clamped to the user's bound, where there is one."""

@@ -201,7 +201,9 @@ class LightTracer:
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)
         density = light_density * beams.pdf(origin, direction)
-        active = (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit
+        active = (
+            (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit & self.place.leaves(light, direction)
+        )
         # Beams of the sky begin beyond all objects, so that they meet first what stands before their target. They must
         # get that far through the real surfaces.
         lift = self.bounds.extent(light.position) - dr.dot(mi.Vector3f(origin), light.position)
@@ -311,7 +313,7 @@ class LightTracer:
         on_support = on_real & camera.seen & self.surfaces.scatters(hit) & (hit.kind != int(FaceKind.RELIT))
         on_support &= (incoming_cosine > 0.0) & (cosine > 0.0)
 
-        rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, on_support)
+        rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, -outgoing, on_support)
         cones = self.bounds.cones(point)
         support = SupportScattering(
             rho, hit.normal, outgoing, self.lobes, hit.gloss, cones, mi.Float(1.0), specular_scale
