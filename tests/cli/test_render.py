@@ -166,7 +166,8 @@ def test_ctrl_c_writes_what_there_is(scene, tmp_path):
     assert process.returncode == 130
     done = json.loads(output.splitlines()[-1])
     assert done.pop("exposure") == pytest.approx(-1.0)
-    assert done == {"event": "done", "file": str(target), "interrupted": True}
+    assert done.pop("error") > 0.0
+    assert done == {"event": "done", "file": str(target), "interrupted": True, "denoised": False}
     assert "Traceback" not in errors
     frame = read_frame(target)
     assert 0 < float(frame.metadata["samples"]) < 10_000_000
