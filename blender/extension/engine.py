@@ -169,7 +169,7 @@ class _View:
 def _layers(scene) -> list[str]:
     """Layers of the renderer's picture that Blender's passes are made of."""
     if not scene.lightdepth.draft:
-        return [{"alpha": "coverage"}.get(part, part) for part, _, _ in passes.PASSES.values()]
+        return [part for part, _, _ in passes.PASSES.values()]
     return ["plate", "coverage"] if scene.render.film_transparent else []
 
 

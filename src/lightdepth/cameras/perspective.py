@@ -16,6 +16,9 @@ from lightdepth.cameras.distortion import RadialDistortion
 if TYPE_CHECKING:
     import mitsuba as mi
 
+NEAR = 0.01
+"""Distance in metres at which the projection's depth is 0; it is 1 infinitely far."""
+
 
 class Perspective(Camera):
     """Thin-lens camera.
@@ -194,6 +197,18 @@ class Perspective(Camera):
         squared = (dr.square(direction.x) + dr.square(direction.z)) / dr.square(dr.maximum(direction.y, 1e-6))
         squared = dr.minimum(squared, self._largest_square)
         return self._lens.scale(squared) * self._lens.slope(squared)
+
+    def projection_matrix(self) -> NDArray[np.float64]:  # noqa: D102
+        across = 0.5 / self._half_width()
+        aspect = self.width / self.height
+        return np.array(
+            [
+                [across, 0.0, 0.0, 0.0],
+                [0.0, -across * aspect, 0.0, 0.0],
+                [0.5 - self.shift[0], 0.5 + self.shift[1] * aspect, 1.0, 1.0],
+                [0.0, 0.0, -NEAR, 0.0],
+            ]
+        )
 
     @property
     def has_aperture(self) -> bool:  # noqa: D102

@@ -15,6 +15,7 @@ from lightdepth.cli import capture
 from lightdepth.cli.cache import cache
 from lightdepth.cli.calibrate import app as calibrate
 from lightdepth.cli.check import check
+from lightdepth.cli.deliver import deliver
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.farm import app as farm
 from lightdepth.cli.lightmap import lightmap
@@ -70,6 +71,7 @@ app.add_typer(stmap, name="stmap", help="Lens distortion as ST maps, for composi
 app.command()(render)
 app.command()(merge)
 app.add_typer(farm, name="farm", help="Frames of a sequence as a job for a farm.")
+app.command()(deliver)
 app.command()(serve)
 app.command()(cache)
 app.command()(doctor)

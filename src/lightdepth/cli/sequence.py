@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from lightdepth.cli.render import Interruption
+    from lightdepth.film.layers import Structure
+    from lightdepth.images.look import Look
     from lightdepth.kernel.start import Device
     from lightdepth.scene.frames import SceneFrames
     from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
@@ -46,9 +48,11 @@ def render_sequence(
     job: Job,
     layers: Collection[str] | None,
     exposure: float,
+    look: Look,
     repair: bool,
     device: Device,
     force: bool,
+    structure: Structure,
     verify: bool,
     progress: str,
     interruption: Interruption,
@@ -70,7 +74,7 @@ def render_sequence(
     find_camera(loaded, job.camera)
     name = job.camera or next(iter(loaded.cameras))
     files = FrameFiles(output or Path(f"{scene.stem}-{name}.{'#' * DIGITS}.exr"))
-    wanted = SequenceJob(numbers, files, job, layers, exposure, force)
+    wanted = SequenceJob(numbers, files, job, layers, exposure, force, structure, look)
     with _Reporter(progress, wanted) as reporter:
         rendering = SequenceRendering(moving, wanted, device, reporter.report)
         reporter.begin()

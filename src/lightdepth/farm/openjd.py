@@ -11,7 +11,7 @@ from typing import Any
 
 from lightdepth.errors import InputError
 from lightdepth.farm.shot import Shot
-from lightdepth.sequence.numbering import told_frames
+from lightdepth.numbered_files import told_frames
 
 MOST_IN_A_CHUNK = 150
 """Frames, by the specification."""

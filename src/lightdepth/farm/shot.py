@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from lightdepth.sequence.numbering import FrameFiles, told_frames
+from lightdepth.numbered_files import told_frames
+from lightdepth.sequence.numbering import FrameFiles
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,12 @@ from lightdepth.film.cryptomatte import Mattes
 
 EXPOSURE = "exposure"
 """Among a frame's facts: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
+CAMERA = "camera"
+"""Likewise: the camera's settings without its pose, a JSON object with the keys of the scene file."""
+NUMBER = "frame"
+"""Likewise: its number, of a frame of a sequence."""
+LARGEST_SHADOW = 65504.0
+"""What a half float holds."""
 
 
 @dataclass
@@ -36,6 +42,7 @@ class Frame:
         variance: variance of the mean of ``beauty``, shape (height, width, 3), float32.
         samples: number of samples spent, shape (height, width), uint32.
         metadata: facts for the file's header, by name.
+        matrices: poses for the file's header, by name, shape (4, 4), float32; see :mod:`lightdepth.film.header`.
         object_names: names of the objects, those of ``object_id`` 1, 2, ... in order.
         mattes: how much of each pixel objects and materials cover.
         topology: how the pixels lie beside each other; by default, a picture that ends at its edges.
@@ -54,6 +61,7 @@ class Frame:
     variance: NDArray[np.float32] | None = None
     samples: NDArray[np.uint32] | None = None
     metadata: dict[str, str] = field(default_factory=dict)
+    matrices: dict[str, NDArray[np.float32]] = field(default_factory=dict)
     object_names: tuple[str, ...] = ()
     mattes: Mattes | None = None
     topology: Topology = None  # type: ignore[assignment]  # filled in below
@@ -95,6 +103,21 @@ class Frame:
             line[touched] *= 1.0 - self.coverage[row, touched, None]
             line[touched] += self.change[row, touched] + self.synthetic[row, touched]
         return beauty
+
+    @property
+    def shadow(self) -> NDArray[np.float16]:
+        """The change as a factor of the plate, shape (height, width, 3), float16.
+
+        ``beauty = plate (1 - coverage) shadow + synthetic`` but for rounding. It is 1 where the plate is black or fully
+        covered.
+        """
+        shadow = np.ones(self.plate.shape, np.float16)
+        for row, line in enumerate(shadow):
+            before = self.plate[row] * (1.0 - self.coverage[row, :, None])
+            known = (before > 0.0) & (self.change[row] != 0.0)
+            factor = 1.0 + self.change[row, known].astype(np.float64) / before[known]
+            line[known] = np.clip(factor, 0.0, LARGEST_SHADOW)
+        return shadow
 
     def touched(self, row: int) -> NDArray[np.bool_]:
         """Which pixels of a row new objects cover or change, shape (width,)."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from lightdepth.errors import InputError
 from lightdepth.files import exists
+from lightdepth.film.layers import FILE_LAYOUT, Structure
 from lightdepth.images.exr import ExrReader
 from lightdepth.scene.identity import digest, scene_digest, view_digest
 from lightdepth.scene.model import CameraView, Scene
@@ -45,6 +46,7 @@ def fingerprint(
     job: Job,
     layers: Collection[str] | None,
     rate: Fraction,
+    structure: Structure = "multipart",
     shutter: tuple[float, int] | None = None,
     motion: Sequence[tuple[Scene, CameraView]] = (),
 ) -> str:
@@ -56,6 +58,7 @@ def fingerprint(
         job: its settings; the seed is that of the frame.
         layers: that are written.
         rate: frames per second, which the file states.
+        structure: of the file.
         shutter: how long it is open and how many instants are rendered; ``None`` where the frame is sharp.
         motion: the scene and the camera where it opens and where it closes.
     """
@@ -69,6 +72,8 @@ def fingerprint(
         job.denoise,
         None if layers is None else sorted(layers),
         str(rate),
+        structure,
+        FILE_LAYOUT,
         metadata.version("lightdepth"),
     )
     sharp = scene_digest(scene), view_digest(view), chosen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,13 +21,7 @@ def parsed_frames(text: str, step: int, sequence: SequenceTable) -> list[int]:
         InputError: it is written otherwise, or a frame is not in the sequence.
     """
     frames: dict[int, None] = {}
-    for part in text.split(","):
-        match = _RANGE.fullmatch(part.strip())
-        if match is None:
-            raise InputError(f"--frames {text[:60]}: write it as 1-240, or 7, or 1-10,20-30")
-        first, last = int(match[1]), int(match[2] or match[1])
-        if first > last:
-            raise InputError(f"--frames {text[:60]}: {first} comes after {last}")
+    for first, last in _ranges(text):
         if first < sequence.first or last > sequence.last:
             outside = first if first < sequence.first else last
             raise InputError(
@@ -35,6 +30,26 @@ def parsed_frames(text: str, step: int, sequence: SequenceTable) -> list[int]:
             )
         frames |= dict.fromkeys(range(first, last + 1, step))
     return sorted(frames)
+
+
+def parsed_ranges(text: str) -> list[int]:
+    """The frames of the option ``--frames`` where no sequence limits them.
+
+    Raises:
+        InputError: it is written otherwise.
+    """
+    return sorted({number for first, last in _ranges(text) for number in range(first, last + 1)})
+
+
+def _ranges(text: str) -> Iterator[tuple[int, int]]:
+    for part in text.split(","):
+        match = _RANGE.fullmatch(part.strip())
+        if match is None:
+            raise InputError(f"--frames {text[:60]}: write it as 1-240, or 7, or 1-10,20-30")
+        first, last = int(match[1]), int(match[2] or match[1])
+        if first > last:
+            raise InputError(f"--frames {text[:60]}: {first} comes after {last}")
+        yield first, last
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING
 
 from lightdepth.api import DRAFT_SAMPLES, find_camera
 from lightdepth.errors import InputError
+from lightdepth.film.frame import NUMBER
+from lightdepth.film.layers import Structure
+from lightdepth.images.look import Look
 from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.start import Device, start
 from lightdepth.scene.frames import SceneFrames
@@ -45,6 +48,8 @@ class SequenceJob:
         layers: to write beside the picture; ``None`` for all.
         exposure: stops by which the PNGs are lighter than the panorama's brightness asks for.
         force: render also what is there.
+        structure: of the files; see :func:`~lightdepth.film.layers.write_frame`.
+        look: of the PNGs; ``None`` is our own tone curve.
         expiry: seconds after which a frame that a process has claimed, and of which nothing is heard, is free again.
     """
 
@@ -54,6 +59,8 @@ class SequenceJob:
     layers: Collection[str] | None = None
     exposure: float = 0.0
     force: bool = False
+    structure: Structure = "multipart"
+    look: Look | None = None
     expiry: float = EXPIRY
 
 
@@ -171,6 +178,7 @@ class SequenceRendering:
                 self._job(scene, number),
                 self._wanted.layers,
                 self._rate,
+                self._wanted.structure,
                 *self._motion(number, scene),
             )
         return self._prints[number]
@@ -211,8 +219,9 @@ class SequenceRendering:
     def _render(self, number: int, file: Path) -> None:
         self._tell(number)
         scene = self._scene(number)
-        facts = {FINGERPRINT: self._print(number), "frame": str(number)}
-        display = _FrameDisplay(file, facts, self._rate, self._wanted.layers, self._shown_at() + self._wanted.exposure)
+        facts = {FINGERPRINT: self._print(number), NUMBER: str(number)}
+        exposure = self._shown_at() + self._wanted.exposure
+        display = _FrameDisplay(file, facts, self._rate, exposure, self._wanted)
         instants = self._frames.sequence.opened(number, self._instants(number, scene))
         blurred = MotionBlur([self._scene(number, instant) for instant in instants], self._job(scene, number))
         with _naming(number):
@@ -258,19 +267,25 @@ class _FrameDisplay:
     """A frame of a sequence as files: the PNG first, so that where the EXR file is, all is."""
 
     def __init__(
-        self, file: Path, facts: dict[str, str], rate: Fraction, layers: Collection[str] | None, exposure: float
+        self,
+        file: Path,
+        facts: dict[str, str],
+        rate: Fraction,
+        exposure: float,
+        wanted: SequenceJob,
     ) -> None:
         self.file: Path | None = file
-        self.layers = layers
+        self.layers = wanted.layers
         self._path, self._facts, self._rate, self._exposure = file, facts, rate, exposure
+        self._structure, self._look = wanted.structure, wanted.look
 
     def show(self, frame: Frame, finished: bool) -> None:
         from lightdepth.film.layers import write_frame, write_picture
 
         if finished:
             frame.metadata |= self._facts
-            write_picture(self._path.with_suffix(".png"), frame, self._exposure)
-            write_frame(self._path, frame, self.layers, self._rate)
+            write_picture(self._path.with_suffix(".png"), frame, self._exposure, look=self._look)
+            write_frame(self._path, frame, self.layers, self._rate, self._structure)
 
 
 @contextlib.contextmanager

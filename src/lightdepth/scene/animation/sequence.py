@@ -52,8 +52,13 @@ class SequenceTable(Table):
     @property
     def rate(self) -> Fraction:
         """Frames per second, exactly."""
-        whole = round(self.fps)
-        ntsc = Fraction(whole * 1000, 1001)
-        if self.fps != whole and abs(self.fps - float(ntsc)) < 0.006:
-            return ntsc
-        return Fraction(self.fps).limit_denominator(1001)
+        return exact_rate(self.fps)
+
+
+def exact_rate(fps: float) -> Fraction:
+    """Frames per second that are written in decimals, exactly: 23.976 means 24000/1001."""
+    whole = round(fps)
+    ntsc = Fraction(whole * 1000, 1001)
+    if fps != whole and abs(fps - float(ntsc)) < 0.006:
+        return ntsc
+    return Fraction(fps).limit_denominator(1001)
