@@ -179,7 +179,7 @@ class Photograph(RealLight):
     # -- Sampling its light -------------------------------------------------------------------------------------
 
     def presample(self, generator: np.random.Generator, count: int) -> LightSample:
-        """Directions from the capture point by the map's density, each followed to the first real surface."""
+        """Draw directions from the capture point by the map's density, each followed to the first real surface."""
         _, w0 = self.map.sample(count, generator)
         direction = self._to_world @ w0
         radiance, pdf = self.map.radiance_and_pdf(w0)

@@ -8,15 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import fields
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.tracing import meets
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.photograph import Photograph
@@ -26,7 +23,7 @@ from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.model import Panorama, SunLight
 
 SUN_SHARE, MOST_SUNS_SHARE = 1 / 8, 1 / 2
-"""Of the light samples, for each sun and for all together: one in each vertex's RIS candidates is then of the sun."""
+"""Of the light samples of :meth:`Place.sample_light`, for each sun and for all together."""
 
 
 class Place:
@@ -43,6 +40,7 @@ class Place:
         photograph: the panorama in its pose.
         lights: all lights, the photograph first.
         suns: those of ``lights`` that are suns.
+        shares: of the samples of :meth:`sample_light`, for each of ``lights``.
     """
 
     def __init__(
@@ -58,7 +56,7 @@ class Place:
         self.photograph = Photograph(panorama, surfaces, infinite, alone)
         self.suns = tuple(Sun(sun, surfaces) for sun in suns)
         share = min(SUN_SHARE, MOST_SUNS_SHARE / max(len(self.suns), 1))
-        self._shares = [1.0 - share * len(self.suns), *(share for _ in self.suns)]
+        self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
 
     @property
     def lights(self) -> tuple[RealLight, ...]:
@@ -86,7 +84,7 @@ class Place:
     # -- Sampling its light -------------------------------------------------------------------------------------
 
     def presample_lights(self, generator: np.random.Generator, count: int) -> LightList:
-        """Draw a list of light samples, each light's ones in a row.
+        """Draw a list of light samples of the photograph.
 
         All vertices of a pass share them, so that tracing them is paid once and not at every vertex.
 
@@ -94,16 +92,27 @@ class Place:
             generator: source of randomness.
             count: how many.
         """
+        return LightList(self.photograph.presample(generator, count), count)
+
+    def sample_light(self, lights: LightList, u: mi.Float, v: mi.Float) -> LightSample:
+        """Light samples of all lights by their ``shares``, which their densities include.
+
+        Args:
+            lights: those of the photograph.
+            u: uniform random numbers in [0, 1) that pick light and sample; evenly spaced ones are stratified over both.
+            v: further ones, for suns.
+        """
         if not self.suns:
-            return LightList(self.photograph.presample(generator, count), count)
-        ends = np.rint(np.cumsum(self._shares) * count).astype(int)
-        counts = np.diff(ends, prepend=0)
-        drawn = []
-        for light, share, size in zip(self.lights, self._shares, counts, strict=True):
-            sample = light.presample(generator, int(size))
+            return lights.sample(u, mi.Bool(True))
+        begin = self.shares[0]
+        light = lights.sample(u / begin, u < begin)
+        light.density *= begin
+        for sun, share in zip(self.suns, self.shares[1:], strict=True):
+            sample = sun.sample(dr.clip((u - begin) / share, 0.0, 1.0), v)
             sample.density *= share
-            drawn.append(sample)
-        return LightList(_joined(drawn, counts.tolist()), count)
+            light = dr.select(u < begin, light, sample)
+            begin += share
+        return light
 
     def toward(self, light: LightSample, point: mi.Point3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Direction, distance and density of light samples as seen from points.
@@ -121,15 +130,6 @@ class Place:
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         pdf = dr.select(light.finite, light.density * dr.square(distance) / cosine, light.density)
         return direction, dr.select(light.finite, distance, dr.inf), pdf
-
-    def likelihood(self, light: LightSample, point: mi.Point3f) -> mi.Float | float:
-        """Weight of light samples among RIS candidates at points, before their visibility is known."""
-        if not self.suns:
-            return 1.0
-        likely = self.suns[0].likelihood(point)
-        for sun in self.suns[1:]:
-            likely = dr.maximum(likely, sun.likelihood(point))
-        return dr.select(light.is_sun, likely, 1.0)
 
     def transmittance(self, light: LightSample, point: mi.Point3f) -> mi.Color3f | float:
         """Share of light samples that the masks of suns let through to points."""
@@ -164,25 +164,11 @@ class Place:
     def arriving(
         self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
     ) -> list[tuple[mi.Color3f, mi.Float, mi.Bool]]:
-        """Radiance of each light along rays: see :meth:`RealLight.arriving`; densities are those of the light list."""
+        """Radiance of each light along rays: see :meth:`RealLight.arriving`; densities are of :meth:`sample_light`."""
         arriving = [light.arriving(ray, hit, distance, active) for light in self.lights]
         if not self.suns:
             return arriving
         return [
             (radiance, pdf * share, finite)
-            for (radiance, pdf, finite), share in zip(arriving, self._shares, strict=True)
+            for (radiance, pdf, finite), share in zip(arriving, self.shares, strict=True)
         ]
-
-
-def _joined(samples: Sequence[LightSample], counts: Sequence[int]) -> LightSample:
-    """Light samples one after the other, ``counts`` of each."""
-
-    def joined(name: str) -> Any:
-        values = [getattr(sample, name) for sample in samples]
-        kind, scalar = type(values[0]), type(values[0]) in (mi.Float, mi.Bool)
-        rows = [np.asarray(value.numpy()).reshape(1 if scalar else 3, -1) for value in values]
-        wide = [np.broadcast_to(row, (len(row), count)) for row, count in zip(rows, counts, strict=True)]
-        columns = [aligned(column, column.dtype) for column in np.concatenate(wide, axis=1)]
-        return kind(columns[0]) if scalar else kind(*map(mi.Float, columns))
-
-    return LightSample(*(joined(field.name) for field in fields(LightSample)))

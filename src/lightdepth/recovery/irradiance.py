@@ -21,6 +21,7 @@ from lightdepth.place.traced_surfaces import leave, shadow_ray
 
 LANES = 1 << 21
 """Samples that are traced at once."""
+GOLDEN_RATIO = 0.6180339887
 
 
 def estimate_irradiance(
@@ -130,7 +131,8 @@ def _scattered(
     samples: mi.Float,
 ) -> mi.Color3f:
     """One sample of each technique for sample ``index`` of ``samples``, shifted at random from point to point."""
-    light = lights.sample((index + shift.x) / samples, mi.Bool(True))
+    turn = GOLDEN_RATIO * index + shift.y
+    light = place.sample_light(lights, (index + shift.x) / samples, turn - dr.floor(turn))
     direction, distance, pdf_light = place.toward(light, point)
     scattered, pdf = lobe.evaluate(direction)
     useful = (dr.max(scattered) > 0.0) & (pdf_light > 0.0)

@@ -308,8 +308,10 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
         values = []
-        for radiance, pdf, finite in self.place.arriving(ray, hit, distance, wanted):
-            value = self._clamped(radiance * mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
+        samples = self.light_sampling.mis_samples(last.weight_samples)
+        arriving = self.place.arriving(ray, hit, distance, wanted)
+        for (radiance, pdf, finite), count in zip(arriving, samples, strict=True):
+            value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
             if self.light_tracer is not None:
                 light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
                 # Light tracing needs a vertex between the light and what the camera sees.

@@ -195,7 +195,8 @@ class LightTracer:
         """Paths that leave the light toward the objects."""
         count = dr.width(sampler.index)
         stratum = mi.Float(dr.arange(mi.UInt32, count)) + sampler.next_1d()
-        light = lights.sample(stratum / dr.opaque(mi.Float, count), mi.Bool(True))
+        u = stratum / dr.opaque(mi.Float, count)
+        light = self.place.sample_light(lights, u, sampler.next_1d() if self.place.suns else u)
         beams = self.targets.beams(light.position, light.finite)
         origin, direction = beams.sample(sampler.next_1d(), mi.Point2f(sampler.next_1d(), sampler.next_1d()))
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
