@@ -153,7 +153,7 @@ def test_what_samples_and_rays_say_of_the_sun_agrees():
     point = mi.Point3f(*IN_PATCH[0].tolist())
     lights = place.presample_lights(np.random.default_rng(4), 4096)
     u = (dr.arange(mi.Float, 4096) + 0.5) / 4096
-    light = place.sample_light(lights, u, dr.fma(u, 7.0, 0.3) - dr.floor(dr.fma(u, 7.0, 0.3)))
+    light = place.sample_light(lights, u, dr.fma(u, 7.0, 0.3) - dr.floor(dr.fma(u, 7.0, 0.3)), place.shares)
     is_sun = light.is_sun.numpy()
     assert is_sun.sum() == 512
     direction, _, pdf = place.toward(light, point)
@@ -162,7 +162,7 @@ def test_what_samples_and_rays_say_of_the_sun_agrees():
     _, (radiance, looked_up, _) = place.arriving(ray, hit, hit.distance, mi.Bool(True))
     found = looked_up.numpy()[is_sun]
     assert (found > 0.0).mean() > 0.99  # A direction at the rim may be rounded out of the disc.
-    np.testing.assert_allclose(found[found > 0.0], pdf.numpy()[is_sun][found > 0.0], rtol=1e-5)
+    np.testing.assert_allclose(0.125 * found[found > 0.0], pdf.numpy()[is_sun][found > 0.0], rtol=1e-5)
     met, drawn = (value.numpy()[:, is_sun][:, found > 0.0] for value in (radiance, light.radiance))
     np.testing.assert_allclose(met, drawn)
     # Uniform over the disc: the mean of 1 / density is its solid angle, over the share of the list.
@@ -196,7 +196,7 @@ def test_beside_an_even_sky_the_sun_is_blocked_without_noise():
     centre, direct = np.array([0.6, 0.0, height]), 4.0 * np.pi * sky
     direction = np.array([-1.0, 0.0, 2.0]) / np.sqrt(5.0)
     sun = SunLight("sun", direction, 0.53, np.full(3, direct / direction[2]))
-    albedo, before = 0.4, direct + np.pi * sky
+    albedo, before = 0.05, direct + np.pi * sky  # Darker than the sky, which light samples are then of as well.
     down = pixel_directions(64, 128)[..., 2:] < 0.0
     image = np.where(down, albedo / np.pi * before, sky).astype(np.float32) * np.ones(3, np.float32)
     # It hides the sun from the capture point, and looks like the sky that it hides.
@@ -242,12 +242,11 @@ def test_beside_an_even_sky_the_sun_is_blocked_without_noise():
         ratio = taken.sum(axis=1) / (light / before).sum()
         mean, limit = mean_and_limit(ratio)
         assert abs(mean - 1.0) < limit + 0.005, f"{mean} {limit}"
-        # All light in one draw, kept or lost, where only the disc's bounding sphere is known.
+        # One shadow ray for sun and sky together, where only the disc's bounding sphere is known.
         cone = np.minimum(radius**2 * height / (away[inside] ** 2 + height**2) ** 1.5, 1.0)
         most = direct + np.pi * sky * np.maximum(cone, sky_share[inside])
         one_draw = light * (most - light) / before**2 / samples
-        print(blocked, mean, limit, taken.var(axis=0, ddof=1).mean(), one_draw.mean())
-        assert taken.var(axis=0, ddof=1).mean() < 0.1 * one_draw.mean()
+        assert taken.var(axis=0, ddof=1).mean() < 0.25 * one_draw.mean()
 
 
 def test_angles_and_directions():

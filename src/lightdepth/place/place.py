@@ -23,7 +23,9 @@ from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.model import Panorama, SunLight
 
 SUN_SHARE, MOST_SUNS_SHARE = 1 / 8, 1 / 2
-"""Of the light samples of :meth:`Place.sample_light`, for each sun and for all together."""
+"""Of the light samples for irradiance, for each sun and for all together."""
+PATHS_SHARE = 1 / 2
+"""Of the light paths, for all suns together: what is polished sends most light on where a sun shines on it."""
 
 
 class Place:
@@ -40,7 +42,8 @@ class Place:
         photograph: the panorama in its pose.
         lights: all lights, the photograph first.
         suns: those of ``lights`` that are suns.
-        shares: of the samples of :meth:`sample_light`, for each of ``lights``.
+        shares: of the light samples for irradiance, for each of ``lights``.
+        path_shares: of the light paths, for each of ``lights``.
     """
 
     def __init__(
@@ -57,6 +60,8 @@ class Place:
         self.suns = tuple(Sun(sun, surfaces) for sun in suns)
         share = min(SUN_SHARE, MOST_SUNS_SHARE / max(len(self.suns), 1))
         self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
+        path_share = PATHS_SHARE / max(len(self.suns), 1)
+        self.path_shares = (1.0 - path_share * len(self.suns), *(path_share for _ in self.suns))
 
     @property
     def lights(self) -> tuple[RealLight, ...]:
@@ -94,20 +99,21 @@ class Place:
         """
         return LightList(self.photograph.presample(generator, count), count)
 
-    def sample_light(self, lights: LightList, u: mi.Float, v: mi.Float) -> LightSample:
-        """Light samples of all lights by their ``shares``, which their densities include.
+    def sample_light(self, lights: LightList, u: mi.Float, v: mi.Float, shares: Sequence[float]) -> LightSample:
+        """Light samples of all lights by their shares, which their densities include.
 
         Args:
             lights: those of the photograph.
             u: uniform random numbers in [0, 1) that pick light and sample; evenly spaced ones are stratified over both.
             v: further ones, for suns.
+            shares: of each of ``lights`` of the place; they sum to one.
         """
         if not self.suns:
             return lights.sample(u, mi.Bool(True))
-        begin = self.shares[0]
+        begin = shares[0]
         light = lights.sample(u / begin, u < begin)
         light.density *= begin
-        for sun, share in zip(self.suns, self.shares[1:], strict=True):
+        for sun, share in zip(self.suns, shares[1:], strict=True):
             sample = sun.sample(dr.clip((u - begin) / share, 0.0, 1.0), v)
             sample.density *= share
             light = dr.select(u < begin, light, sample)
@@ -164,11 +170,5 @@ class Place:
     def arriving(
         self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
     ) -> list[tuple[mi.Color3f, mi.Float, mi.Bool]]:
-        """Radiance of each light along rays: see :meth:`RealLight.arriving`; densities are of :meth:`sample_light`."""
-        arriving = [light.arriving(ray, hit, distance, active) for light in self.lights]
-        if not self.suns:
-            return arriving
-        return [
-            (radiance, pdf * share, finite)
-            for (radiance, pdf, finite), share in zip(arriving, self.shares, strict=True)
-        ]
+        """Radiance of each light along rays: see :meth:`RealLight.arriving`."""
+        return [light.arriving(ray, hit, distance, active) for light in self.lights]

@@ -308,16 +308,16 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
         values = []
-        samples = self.light_sampling.mis_samples(last.weight_samples)
         arriving = self.place.arriving(ray, hit, distance, wanted)
-        for (radiance, pdf, finite), count in zip(arriving, samples, strict=True):
+        counts = [last.weight_samples, *(1.0 for _ in self.place.suns)]
+        for (radiance, pdf, finite), count, share in zip(arriving, counts, self.place.path_shares, strict=True):
             value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
             if self.light_tracer is not None:
                 light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
                 # Light tracing needs a vertex between the light and what the camera sees.
                 pdf_ratio = dr.select(path.depth > 1, path.pdf_ratio, 0.0)
                 weight = self.light_tracer.camera_weight(
-                    pdf_ratio, light, finite, pdf, distance, last.point, ray.d, last.pdf
+                    pdf_ratio, light, finite, pdf * share, distance, last.point, ray.d, last.pdf
                 )
                 value *= dr.select(blocked, 1.0, weight)
             values.append(value)

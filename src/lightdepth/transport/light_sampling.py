@@ -137,7 +137,7 @@ class LightSampling:
                 pdf_ratio,
                 light.position,
                 light.finite,
-                map_pdf * self._place.shares[0],
+                map_pdf * self._place.path_shares[0],
                 distance,
                 vertex.point,
                 direction,
@@ -147,7 +147,7 @@ class LightSampling:
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
         value *= self.visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
         value = dr.select(useful, value, 0.0)
-        for sun, share in zip(self._place.suns, self._place.shares[1:], strict=True):
+        for sun, share in zip(self._place.suns, self._place.path_shares[1:], strict=True):
             value += self._sunlight(sun, share, sampler, context, vertex, active, first, pdf_ratio)
         return value
 
@@ -169,7 +169,7 @@ class LightSampling:
 
         Args:
             sun: which one.
-            share: of the samples of :meth:`Place.sample_light` that are of it.
+            share: of the light paths that are of it.
             sampler: random numbers of the paths.
             context: for the BSDFs.
             vertex: where the paths are.
@@ -198,17 +198,6 @@ class LightSampling:
         value *= dr.select(vertex.in_difference, passed - 1.0, passed)
         useful &= dr.max(dr.abs(value)) > 0.0
         return dr.select(useful & ~sun.blocked(ray, useful), value, 0.0)
-
-    def mis_samples(self, weight_samples: mi.Float) -> list[mi.Float]:
-        """How many samples of :meth:`Place.sample_light` those of each light at vertices count as in MIS.
-
-        Args:
-            weight_samples: how many light samples of the map the one there counts as.
-        """
-        if not self._place.suns:
-            return [weight_samples]
-        of_map, *of_suns = self._place.shares
-        return [weight_samples / of_map, *(mi.Float(1.0 / share) for share in of_suns)]
 
     def single(self, lights: LightList, u: mi.Float, vertex: Vertex, active: mi.Bool) -> mi.Color3f:
         """Contribution of single light samples of the map, as if each were the only one of its list.
