@@ -217,9 +217,10 @@ class _Writer:
             item.to_mesh_clear()
         settings = item.lightdepth
         table = {"name": name, "mesh": self.relative(path), "role": settings.role.lower()}
-        if settings.opening and settings.role == roles.ENVIRONMENT:
+        opening = settings.opening and settings.role == roles.ENVIRONMENT
+        if opening:
             table["opening"] = True
-        if settings.use_gloss and settings.role == roles.SUPPORT:
+        if settings.use_gloss and settings.role in roles.REAL and not opening:
             table["gloss"] = {"roughness": settings.roughness, "specular": settings.specular}
         self.real.append(table)
 

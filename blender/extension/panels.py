@@ -191,7 +191,7 @@ class ObjectPanel(bpy.types.Panel):
         layout, settings = self.layout, context.object.lightdepth
         layout.use_property_split = True
         layout.prop(settings, "role", expand=True)
-        if settings.role == roles.SUPPORT:
+        if settings.role in roles.REAL:
             layout.prop(settings, "use_gloss")
             column = layout.column()
             column.active = settings.use_gloss

@@ -49,6 +49,18 @@ def test_estimated_variance_is_the_spread_over_seeds(seeds):
         assert 0.2 < spread[where].sum() / estimated[where].sum() < 1.25
 
 
+def test_a_draft_shows_its_true_error(scene, seeds):
+    """One sample a pixel: the error against the mean of many pictures is the one that is reported."""
+    truth = np.mean([frame.beauty for frame in seeds], axis=0, dtype=np.float64)
+    rendering = begin_rendering(scene, "view", seed=77)
+    *_, last = rendering.run(1)
+    draft = rendering.frame(auxiliary=False)
+    brightness = truth.mean(axis=2) + 0.1 * np.median(draft.plate.mean(axis=2))
+    error = ((draft.beauty - truth).mean(axis=2) / brightness)[draft.samples > 0]
+    assert last.error == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.35)
+    assert last.error > 0.05
+
+
 def test_samples_go_where_the_error_is(scene):
     frame = lightdepth.render(scene, "view", samples=64)
     assert frame.samples.mean() == pytest.approx(64, rel=0.05)

@@ -19,7 +19,6 @@ from lightdepth.directions import pixel_directions  # noqa: E402
 from lightdepth.errors import SetupError  # noqa: E402
 from lightdepth.film.denoising import (  # noqa: E402
     TILE,
-    WIDE_MARGIN,
     _boxes,
     _changed_tiles,
     _margins,
@@ -27,6 +26,7 @@ from lightdepth.film.denoising import (  # noqa: E402
     denoise,
 )
 from lightdepth.film.frame import Frame  # noqa: E402
+from lightdepth.parameters.denoising import DEFAULT  # noqa: E402
 
 HEIGHT, WIDTH = 128, 256
 PANORAMA = Spherical((Rectangle(0, HEIGHT, 0, WIDTH),))
@@ -129,7 +129,7 @@ def test_only_what_is_new_is_filtered(denoised):
     (chart,) = frame.topology.charts
     tiles = np.zeros((HEIGHT // TILE, WIDTH // TILE), bool)
     tiles[[5, 6, 0], [12, 12, 0]] = True
-    rectangles = [window.rectangle for window in _windows(frame.topology, chart, tiles)]
+    rectangles = [window.rectangle for window in _windows(frame.topology, chart, tiles, DEFAULT)]
     assert sorted((each.top, each.bottom, each.left, each.right) for each in rectangles) == [
         (0, 16, 0, 16),
         (80, 112, 192, 208),
@@ -143,13 +143,13 @@ def test_boxes_hold_every_tile_and_little_else():
     """Of an L, whose long arms a single box would fill with what is not there."""
     tiles = np.zeros((40, 60), bool)
     tiles[:, :4], tiles[36:] = True, True
-    boxes, held = _boxes(tiles, endless=False), np.zeros_like(tiles)
+    boxes, held = _boxes(tiles, False, DEFAULT), np.zeros_like(tiles)
     for box in boxes:
         held[box.slices] = True
     assert (held >= tiles).all()
     assert sum(box.height * box.width for box in boxes) < 1.05 * tiles.sum()
     # Each is shown more where the layer goes on beyond it, and only there.
-    assert all(_margins(box, tiles, endless=False).count(WIDE_MARGIN) in (1, 2) for box in boxes)
+    assert all(_margins(box, tiles, False, DEFAULT).count(DEFAULT.wide_margin) in (1, 2) for box in boxes)
 
 
 def test_a_faint_change_is_denoised_without_the_network(denoised):
@@ -160,7 +160,7 @@ def test_a_faint_change_is_denoised_without_the_network(denoised):
     noisy = truth * random.gamma(12.0, 1 / 12.0, (96, 288, 1)).astype(np.float32)
     nothing = np.zeros_like(plate)
     frame = Frame(plate, noisy, nothing, nothing[..., 0], nothing[..., 0] + 1.0)
-    there, strong = _changed_tiles(frame, frame.topology.charts[0], np.float32(0.0))
+    there, strong = _changed_tiles(frame, frame.topology.charts[0], np.float32(0.0), DEFAULT)
     assert there.all()
     assert (strong == (np.arange(18) >= 12)).all()
     result = denoise(frame).change
@@ -231,3 +231,22 @@ def test_charts_meet_without_a_seam(denoised, camera):
     assert left(denoise(noisy)) < 0.05 * left(noisy)
     height, width = noisy.coverage.shape
     assert left(denoise(replace(noisy, topology=Flat(width, height)))) > 0.1 * left(noisy)
+
+
+def test_precise_pixels_are_left_as_they_are(denoised):
+    """No pixel changes by more than three of its standard errors, a firefly by six: more samples lead to the truth."""
+    frame = panorama_frame()
+    frame.variance = np.full(frame.plate.shape, 1e-4, np.float32)
+    frame.change = np.maximum(frame.change, -frame.plate)  # More than there is cannot be taken away.
+    result = denoise(frame)
+    for layer in ("change", "synthetic"):
+        change = np.abs(getattr(result, layer) - getattr(frame, layer))
+        assert 0.02 < change.max() <= 0.01 * (3.0 + 8.0**0.5) + 1e-3
+        assert np.quantile(change, 0.99) <= 0.0301
+
+
+def test_single_samples_are_denoised(denoised):
+    """Their variance is not known, and stored as none: that is not to be taken for precision."""
+    frame = panorama_frame()
+    frame.variance, frame.samples = np.zeros(frame.plate.shape, np.float32), np.ones(frame.coverage.shape, np.uint32)
+    np.testing.assert_array_equal(denoise(frame).change, denoised.change)

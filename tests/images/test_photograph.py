@@ -255,9 +255,9 @@ def test_damaged_files_are_refused(tmp_path, pixels, ending):
 
 
 def test_other_formats_are_refused_with_what_to_do(tmp_path):
-    (tmp_path / "p.heic").write_bytes(b"")
-    with pytest.raises(InputError, match=r"'.heic' is not a format for a panorama; .*convert it to JPEG"):
-        read_panorama(tmp_path / "p.heic")
+    (tmp_path / "p.webp").write_bytes(b"")
+    with pytest.raises(InputError, match=r"'.webp' is not a format for a panorama; .*convert it to JPEG"):
+        read_panorama(tmp_path / "p.webp")
 
 
 def test_a_jpeg_in_a_scene_warns_loudly(command, tmp_path, pixels):

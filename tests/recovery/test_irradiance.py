@@ -13,6 +13,8 @@ from lightdepth.place.place import Place  # noqa: E402
 from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
 from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
 from lightdepth.recovery.irradiance import estimate_irradiance  # noqa: E402
+from lightdepth.recovery.irradiance_mesh import estimate_on_mesh  # noqa: E402
+from lightdepth.recovery.mesh_components import separate  # noqa: E402
 from lightdepth.recovery.support_irradiance import recover_irradiance  # noqa: E402
 from tests.transport.places import CAPTURE, HIGH, LOW, box_depth, lamp_image, room  # noqa: E402
 
@@ -105,3 +107,24 @@ def test_support_is_wound_to_face_the_capture_point():
     corners = refined.vertices[refined.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((normals * (CAPTURE - corners.mean(axis=1))).sum(axis=1) > 0).all()
+
+
+def test_irradiance_along_walls_is_that_beside_them():
+    """Vertices in the very plane of a wall receive what points two millimetres away from it do, and not half of it."""
+    scene = room(lamp_image(128))
+    surfaces = merge_real_surfaces(scene.real)
+    place = Place(scene.panorama, TracedSurfaces(surfaces))
+    support = separate(surfaces, surfaces.receiving)
+    mesh, irradiance = estimate_on_mesh(place, support, np.random.default_rng(4), 256, 0.05)
+    on_floor = (mesh.points[:, 2] == 0.0) & ((mesh.points == np.float32(LOW)) | (mesh.points == HIGH))[:, :2].any(
+        axis=1
+    )
+    assert on_floor.sum() > 20
+    points = mesh.points[on_floor]
+    away = np.float32([*(0.5 * (LOW + HIGH))[:2], 0.0]) - points
+    points = points + 0.004 * away / np.linalg.norm(away, axis=1, keepdims=True)
+    normals = np.tile(np.float32([0.0, 0.0, 1.0]), (len(points), 1))
+    beside, _ = estimate_irradiance(place, points, normals, np.random.default_rng(5), 2048)
+    ratio = irradiance[on_floor].mean(axis=1) / beside.mean(axis=1)
+    assert np.quantile(np.abs(ratio - 1.0), 0.9) < 0.15  # Noise, and corners that are darker.
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.02)

@@ -183,8 +183,8 @@ WRONG = [
         r"scene.toml:10: \[\[real\]\] 2 \(\"floor\"\): name: 'floor' is the name of 2 \[\[real\]\] tables",
     ),
     (
-        '[[real]]\nname = "b"\nmesh = "floor.ply"\nrole = "environment"\ngloss = { roughness = 0.2 }',
-        r"gloss is for role = 'support' only",
+        '[[real]]\nname = "b"\nmesh = "floor.ply"\nrole = "environment"\nopening = true\ngloss = { roughness = 0.2 }',
+        r"gloss is not for an opening",
     ),
     (
         '[camera.view]\ntype = "perspectiv"\nwidth = 3',

@@ -58,6 +58,8 @@ class TracedSurfaces:
         shapes: the synthetic shapes.
 
     Attributes:
+        kinds: that occur among the real faces.
+        changes: whether what any real surface shows may change: support that is not relit, or environment with gloss.
         materials: of the synthetic shapes.
         blockers: the real surfaces that are no openings.
     """
@@ -66,6 +68,7 @@ class TracedSurfaces:
         self.has_real = len(surfaces.faces) > 0
         self.deformed = surfaces.deformed
         self.kinds = frozenset(FaceKind(int(kind)) for kind in np.unique(surfaces.kind))
+        self.changes = bool((surfaces.scattering & (surfaces.kind != FaceKind.RELIT)).any())
         black = load({"type": "diffuse", "reflectance": 0.0})
         self._real_shapes = {"real": mesh_shape(surfaces.mesh(), black)} if self.has_real else {}
         # Robust, since light and depth are looked up along rays through vertices; elsewhere it would cost a tenth more.
@@ -103,6 +106,13 @@ class TracedSurfaces:
     def receives(self, hit: RealHit) -> mi.Bool:
         """Whether real surfaces that were met receive the influence of the new objects."""
         return (hit.kind == int(FaceKind.SUPPORT)) | (hit.kind == int(FaceKind.RELIT))
+
+    def scatters(self, hit: RealHit) -> mi.Bool:
+        """Whether real surfaces that were met send on light of the new objects: those that receive, and glossy ones.
+
+        Environment with gloss mirrors the new objects; what it sends besides does not change.
+        """
+        return self.receives(hit) | ((hit.kind == int(FaceKind.ENVIRONMENT)) & (hit.gloss > 0))
 
     def with_values(self, surfaces: RealSurfaces) -> TracedSurfaces:
         """The same geometry with other values at its vertices and faces."""

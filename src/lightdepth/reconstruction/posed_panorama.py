@@ -47,7 +47,7 @@ def read_posed_panorama(
     rotation: Three | None = None,
     default_height: float | None = None,
 ) -> PosedPanorama:
-    """Read a panorama, or the ``[panorama]`` of a scene file whose meshes need not exist yet.
+    """Read a panorama, or the first ``[[panorama]]`` of a scene file whose meshes need not exist yet.
 
     Args:
         path: a panorama or a scene file (.toml), or ``None``.
@@ -125,7 +125,7 @@ def _panorama_table(path: Path) -> PanoramaTable:
     animation = Animation(document)
     document = animation.at(animation.sequence.first if animation.sequence else 0)
     try:
-        return SceneFile.model_validate(document, context={"folder": path.parent}).panorama
+        return SceneFile.model_validate(document, context={"folder": path.parent}).panorama[0]
     except ValidationError as error:
         problems = Problems(path, text, document)
         problems.add_all(error, SceneFile)

@@ -17,8 +17,8 @@ from lightdepth.errors import InputError, warn
 from lightdepth.files import exists
 from lightdepth.images.writing import whole_file
 from lightdepth.reconstruction.posed_panorama import PosedPanorama
-from lightdepth.scene.model import RealSurface, Role
-from lightdepth.toml_file import document_bytes, read_document
+from lightdepth.scene.model import RealSurface
+from lightdepth.toml_file import document_bytes, first_panorama, read_document
 
 SAME_PLACE, SAME_TURN = 0.001, 2e-3
 """Metres, and entries of rotations (a tenth of a degree), by which two poses are the same."""
@@ -78,7 +78,8 @@ def with_surfaces(
     if not isinstance(tables, AoT):
         raise InputError(f"{scene}: 'real' must be an array of tables, each under its own [[real]]")
     if sky:
-        document.setdefault("panorama", tomlkit.table())["sky"] = True
+        document.setdefault("panorama", tomlkit.table())
+        first_panorama(document)["sky"] = True
     for surface in surfaces:
         table = next((table for table in tables if table.get("name") == surface.name), None)
         if table is None:
@@ -89,8 +90,6 @@ def with_surfaces(
         table["role"] = surface.role.value
         for key in ("position", "rotation", "scale", "rest"):
             table.pop(key, None)
-        if surface.role is not Role.SUPPORT:
-            table.pop("gloss", None)
     return document_bytes(document)
 
 
