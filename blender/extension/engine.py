@@ -240,7 +240,7 @@ def _layers(depsgraph) -> list[str]:
     scene = depsgraph.scene_eval
     if not scene.lightdepth.draft:
         mattes = ["cryptomatte"] if _matte_passes(depsgraph.view_layer_eval) else []
-        return [{"alpha": "coverage"}.get(part, part) for part, _, _ in passes.PASSES.values()] + mattes
+        return [part for part, _, _ in passes.PASSES.values()] + mattes
     return ["plate", "coverage"] if scene.render.film_transparent else []
 
 

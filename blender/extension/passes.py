@@ -10,7 +10,7 @@ PASSES = {
     "Plate": ("plate", "RGB", "COLOR"),
     "Change": ("change", "RGB", "COLOR"),
     "Synthetic": ("synthetic", "RGB", "COLOR"),
-    "Coverage": ("alpha", "Y", "VALUE"),
+    "Coverage": ("coverage", "Y", "VALUE"),
     "Object ID": ("object_id", "X", "VALUE"),
     "Depth": ("depth", "Z", "VALUE"),
     "Normal": ("normal", "XYZ", "VECTOR"),
@@ -42,7 +42,8 @@ def from_parts(parts: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]
     for name, (part, channels, _) in PASSES.items():
         if part in parts:
             found = parts[part]
-            # A single channel is the only one of its part, whatever the file calls it.
+            # Channels are called after their layer, which is mostly that of the part; a single one is taken as it is.
+            found = {name.rpartition(".")[2]: plane for name, plane in found.items()}
             planes = [found[channel] for channel in channels] if len(channels) > 1 else [next(iter(found.values()))]
             pixels[name] = np.stack(planes, axis=-1)
     for name in ("Combined", *(name for name, (_, _, kind) in PASSES.items() if kind == "COLOR" and name in pixels)):

@@ -6,6 +6,8 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from lightdepth.cameras.topology import Flat, Topology
@@ -101,6 +103,13 @@ class Camera(BaseModel, ABC):
         import drjit as dr
 
         return dr.zeros(type(depth), dr.width(depth))
+
+    def projection_matrix(self) -> NDArray[np.float64] | None:
+        """Of cameras that project by one: camera space (x right, y up, z forward) to the film, shape (4, 4).
+
+        It multiplies row vectors; after division by w, x and y are positions on the film in [0, 1]. ``None`` for others.
+        """
+        return None
 
     def pixel_angle(self, direction: mi.Vector3f) -> mi.Float:
         """Solid angle of the pixels around unit directions in camera space, steradians."""
