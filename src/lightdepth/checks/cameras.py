@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.sampling import object_mesh, unseen
 from lightdepth.checks.view import CaptureView, enclosure, sphere
+from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import CameraView, Scene
@@ -103,10 +104,7 @@ def _softness(view: CameraView, scene: Scene) -> str | None:
 def pixels_per_degree(view: CameraView) -> float:
     """Pixels to a degree in front of a camera, as far as they are square."""
     start()
-    import mitsuba as mi
-
-    angle = view.camera.pixel_angle(mi.Vector3f(0.0, 1.0, 0.0)).numpy()[0]
-    return float(np.radians(1.0 / np.sqrt(angle)))
+    return view.camera.pixels_per_degree()
 
 
 def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[CaptureView]) -> str | None:
@@ -135,9 +133,5 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
 def _directions(view: CameraView) -> NDArray[np.float64]:
     """Distributed over what a camera sees, unit, world, shape (n, 3)."""
     start()
-    import mitsuba as mi
-
     everywhere = sphere(4000)
-    local = (FAR_POINT * everywhere @ view.rotation).astype(np.float32)
-    seen = view.camera.film_point(mi.Point3f(*local.T), mi.Point2f(0.5)).inside.numpy()
-    return everywhere[seen & np.ones(len(everywhere), bool)]
+    return everywhere[view.camera.sees(aligned_columns(FAR_POINT * everywhere @ view.rotation))]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
+from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.start import DEVICE_LOCK
 from lightdepth.scene.model import AnalyticShape, CameraView, Mesh, Scene
 
@@ -79,19 +80,11 @@ def _spread(mesh: Mesh) -> NDArray[np.float64]:
 def _way(points: Sequence[NDArray[np.float64]], views: Sequence[Viewpoint], share: float = 1.0) -> float:
     """Pixels that the fastest of some points go on the film, those in sight."""
     total, inside = np.zeros(len(points[0])), np.ones(len(points[0]), bool)
-    for (before, seen_before), (after, seen_after) in pairwise(map(_on_film, points, views)):
+    seen = [view.on_film(aligned_columns(part)) for part, view in zip(points, views, strict=True)]
+    for (before, seen_before), (after, seen_after) in pairwise(seen):
         size = np.array(views[0].resolution)
         step = np.abs(after - before)
         step = np.minimum(step, 1.0 - np.minimum(step, 1.0))  # A panorama goes on at its other side.
         total += np.linalg.norm(step * size, axis=1)
         inside &= seen_before & seen_after
     return float(np.quantile(total[inside], share)) if inside.any() else 0.0
-
-
-def _on_film(points: NDArray[np.float64], view: Viewpoint) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    import mitsuba as mi
-
-    target = mi.Point3f(np.ascontiguousarray(points.T, np.float32))
-    seen = view.project(target, mi.Point2f(0.5))
-    film = np.stack([np.broadcast_to(axis.numpy(), len(points)) for axis in (seen.film.x, seen.film.y)], axis=1)
-    return film.astype(np.float64), np.broadcast_to(seen.inside.numpy(), len(points)).astype(bool)
