@@ -9,6 +9,7 @@ import mitsuba as mi
 
 from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
 from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.preparation.removed import removed_shape
 from lightdepth.scene.model import Scene
 
 
@@ -20,11 +21,13 @@ class PreparedObjects:
         shapes: each with the index of its object in the scene.
         bounds: spheres around them; ``None`` without objects.
         polished: spheres around those with a narrow specular lobe; ``None`` where there are none.
+        removed: stands for the real surfaces that are removed, of which ``bounds`` has spheres too; ``None`` without.
     """
 
     shapes: tuple[tuple[int, mi.Shape], ...]
     bounds: ObjectBounds | None
     polished: ObjectBounds | None
+    removed: mi.Shape | None = None
 
 
 def prepare_objects(scene: Scene) -> PreparedObjects:
@@ -36,7 +39,8 @@ def prepare_objects(scene: Scene) -> PreparedObjects:
     shapes = tuple(synthetic_shapes(scene))
     spheres = [enclosing_sphere(shape) for _, shape in shapes]
     polished = [sphere for sphere, (_, shape) in zip(spheres, shapes, strict=True) if is_polished(shape)]
-    return PreparedObjects(shapes, _bounds(spheres), _bounds(polished))
+    removed, around = removed_shape(scene)
+    return PreparedObjects(shapes, _bounds([*spheres, *around]), _bounds(polished), removed)
 
 
 def _bounds(spheres: Sequence[tuple]) -> ObjectBounds | None:
