@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -96,20 +95,6 @@ class Camera(BaseModel, ABC):
 
         angle = self.pixel_angle(mi.Vector3f(0.0, 1.0, 0.0)).numpy()[0]
         return float(np.radians(1.0 / np.sqrt(angle)))
-
-    def sees(self, points: Sequence[NDArray[np.float32]]) -> NDArray[np.bool_]:
-        """Whether points are in the picture, through the middle of the lens.
-
-        Args:
-            points: their coordinates in camera space, metres, three arrays of shape (n,), aligned.
-
-        Returns:
-            Shape (n,).
-        """
-        import mitsuba as mi
-
-        inside = self.film_point(mi.Point3f(*map(mi.Float, points)), mi.Point2f(0.5)).inside.numpy()
-        return np.array(np.broadcast_to(inside, len(points[0])))
 
     @property
     def has_aperture(self) -> bool:

@@ -198,14 +198,15 @@ class Perspective(Camera):
         squared = dr.minimum(squared, self._largest_square)
         return self._lens.scale(squared) * self._lens.slope(squared)
 
-    def projection_matrix(self) -> NDArray[np.float64]:  # noqa: D102
+    def projection_matrix(self) -> NDArray[np.float64]:
+        """As for any camera; of a lens that distorts, the matrix of the picture without its distortion."""
         across = 0.5 / self._half_width()
         aspect = self.width / self.height
         return np.array(
             [
                 [across, 0.0, 0.0, 0.0],
                 [0.0, -across * aspect, 0.0, 0.0],
-                [0.5 - self.shift[0], 0.5 + self.shift[1] * aspect, 1.0, 1.0],
+                [*self.centre, 1.0, 1.0],
                 [0.0, 0.0, -NEAR, 0.0],
             ]
         )

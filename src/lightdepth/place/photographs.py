@@ -16,9 +16,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.row_bands import bands
-from lightdepth.kernel.variables import as_point
+from lightdepth.kernel.variables import as_point, as_vectors
 from lightdepth.place.light_list import LightSample, joined
 from lightdepth.place.photograph import Photograph, looked_up
 from lightdepth.place.photograph_weights import Sighting, Weights, weigh
@@ -155,7 +154,7 @@ class Photographs(Photographed):
 
     def faced(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
         """As the base says."""
-        point, normal = (mi.Vector3f(*map(mi.Float, aligned_columns(each))) for each in (points, normals))
+        point, normal = (as_vectors(each) for each in (points, normals))
         result = np.zeros(len(points), bool)
         for photograph in self.each:
             sighting = photograph.sighting(point, normal, mi.Bool(True), normal, mi.Bool(True))

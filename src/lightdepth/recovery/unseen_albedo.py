@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned_columns
+from lightdepth.kernel.variables import as_vectors
 from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
@@ -111,7 +110,7 @@ def _much_unseen(
     points, normals, _ = _random_points(
         surfaces, generator.multinomial(parameters.unseen_points, areas / areas.sum()), generator
     )
-    _, unseen, _ = place.photograph.sight(_vectors(points), _vectors(normals))
+    _, unseen, _ = place.photograph.sight(as_vectors(points), as_vectors(normals))
     return float(unseen.numpy().mean()) > parameters.unseen_share
 
 
@@ -129,7 +128,7 @@ def _look(
     areas = face_areas(surfaces.vertices, surfaces.faces)
     counts = 1 + (parameters.unseen_points * areas / areas.sum()).astype(np.int64)
     points, normals, face = _random_points(surfaces, counts, generator)
-    sees, occluded, radiance = place.photograph.sight(_vectors(points), _vectors(normals))
+    sees, occluded, radiance = place.photograph.sight(as_vectors(points), as_vectors(normals))
     unseen = occluded.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
     chosen = np.bincount(face[unseen], minlength=len(areas)) > 0
     front = place.photograph.faced(points, normals)
@@ -202,8 +201,3 @@ def _albedo(
 def _with_values(place: Place, surfaces: RealSurfaces) -> Place:
     """The place with other values on the same meshes."""
     return place.with_surfaces(place.surfaces.with_values(surfaces))
-
-
-def _vectors(values: NDArray[np.float32]) -> mi.Vector3f:
-    """Vectors of shape (n, 3)."""
-    return mi.Vector3f(*map(mi.Float, aligned_columns(values)))
