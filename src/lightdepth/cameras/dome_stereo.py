@@ -8,8 +8,7 @@ from pydantic import Field, model_validator
 
 from lightdepth.cameras.camera import FilmPoint
 from lightdepth.cameras.dome import LARGEST, WIDEST, Dome
-from lightdepth.cameras.stereo import EYES, Layout, Stereo
-from lightdepth.cameras.topology import Pictures
+from lightdepth.cameras.stereo import Layout, Stereo
 from lightdepth.cameras.viewing_circle import Elevations, ViewingCircle, check_circle
 
 if TYPE_CHECKING:
@@ -42,10 +41,6 @@ class DomeStereo(Stereo):
     @property
     def eye_height(self) -> int:  # noqa: D102
         return self.eye_width
-
-    @property
-    def topology(self) -> Pictures:  # noqa: D102
-        return Pictures(self.charts, EYES, self.parts)
 
     def eye_rays(  # noqa: D102
         self, right: mi.Bool, film: mi.Point2f, lens: mi.Point2f

@@ -9,8 +9,7 @@ from pydantic import Field, model_validator
 
 from lightdepth.cameras.camera import FilmPoint, Vector3
 from lightdepth.cameras.perspective import Perspective
-from lightdepth.cameras.stereo import EYES, Layout, Stereo
-from lightdepth.cameras.topology import Pictures
+from lightdepth.cameras.stereo import Layout, Stereo
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -49,10 +48,6 @@ class StereoPerspective(Stereo):
     def eye_height(self) -> int:  # noqa: D102
         return self.height // 2 if self.layout == "top-bottom" else self.height
 
-    @property
-    def topology(self) -> Pictures:  # noqa: D102
-        return Pictures(self.charts, EYES, self.parts)
-
     def eye_rays(  # noqa: D102
         self, right: mi.Bool, film: mi.Point2f, lens: mi.Point2f
     ) -> tuple[mi.Point3f, mi.Vector3f, mi.Bool]:
@@ -61,13 +56,13 @@ class StereoPerspective(Stereo):
 
         moved = mi.Point2f(film.x - dr.select(right, self._inward, -self._inward), film.y)
         origin, direction, inside = self._camera.camera_rays(moved, lens)
-        return origin + self._eye(right), direction, inside
+        return origin + self.standing_eye(right), direction, inside
 
     def eye_point(self, right: mi.Bool, target: mi.Point3f, lens: mi.Point2f) -> FilmPoint:  # noqa: D102
         import drjit as dr
         import mitsuba as mi
 
-        eye = self._eye(right)
+        eye = self.standing_eye(right)
         seen = self._camera.film_point(mi.Point3f(target - eye), lens)
         film = mi.Point2f(seen.film.x + dr.select(right, self._inward, -self._inward), seen.film.y)
         inside = (target.y > 0.0) & (film.x >= 0.0) & (film.x < 1.0) & (film.y >= 0.0) & (film.y < 1.0)
@@ -106,10 +101,3 @@ class StereoPerspective(Stereo):
             return 0.0
         slope = 0.5 * self.interocular_distance / self.convergence_distance
         return 0.5 * slope / math.tan(math.radians(0.5 * self.fov))
-
-    def _eye(self, right: mi.Bool) -> mi.Vector3f:
-        import drjit as dr
-        import mitsuba as mi
-
-        half = 0.5 * self.interocular_distance
-        return mi.Vector3f(dr.select(right, half, -half), 0.0, 0.0)
