@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from lightdepth.cameras.topology import Flat, Topology
+from lightdepth.quantities import Angles, Coordinates
 
 if TYPE_CHECKING:
     import mitsuba as mi
-
-Vector3 = tuple[float, float, float]
 
 
 @dataclass
@@ -49,8 +48,8 @@ class Camera(BaseModel, ABC):
 
     type: Any
     width: int = Field(gt=0, le=65536)
-    position: Vector3 | None = None
-    rotation: Vector3 | None = None
+    position: Coordinates | None = None
+    rotation: Angles | None = None
 
     @property
     @abstractmethod

@@ -10,6 +10,7 @@ from lightdepth.cameras.camera import FilmPoint
 from lightdepth.cameras.dome import LARGEST, WIDEST, Dome
 from lightdepth.cameras.stereo import Layout, Stereo
 from lightdepth.cameras.viewing_circle import Elevations, ViewingCircle, check_circle
+from lightdepth.quantities import Length
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -27,7 +28,7 @@ class DomeStereo(Stereo):
     width: int = Field(gt=0, le=2 * LARGEST)
     fov: float = Field(default=180.0, gt=0.0, le=WIDEST)
     tilt: float = Field(default=0.0, ge=0.0, le=90.0)
-    convergence_distance: float | None = Field(default=None, gt=0.0)
+    convergence_distance: Length | None = None
     zenith_merge: Elevations = (60.0, 75.0)
     layout: Layout = "separate"
 

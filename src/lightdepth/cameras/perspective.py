@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from lightdepth.cameras.camera import Camera, FilmPoint, Vector3
+from lightdepth.cameras.camera import Camera, FilmPoint
 from lightdepth.cameras.distortion import RadialDistortion
+from lightdepth.quantities import FARTHEST, Coefficient, Coordinates, FilmOffset, Length
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -35,12 +36,12 @@ class Perspective(Camera):
     type: Literal["perspective"]
     height: int = Field(gt=0, le=65536)
     fov: float = Field(default=60.0, gt=0.0, lt=180.0)
-    look_at: Vector3 | None = None
-    aperture: float = Field(default=0.0, ge=0.0)
-    focus_distance: float | None = Field(default=None, gt=0.0)
-    shift: tuple[float, float] = (0.0, 0.0)
-    principal_point: tuple[float, float] | None = None
-    distortion: tuple[float, float] = (0.0, 0.0)
+    look_at: Coordinates | None = None
+    aperture: float = Field(default=0.0, ge=0.0, le=FARTHEST)
+    focus_distance: Length | None = None
+    shift: FilmOffset = (0.0, 0.0)
+    principal_point: FilmOffset | None = None
+    distortion: tuple[Coefficient, Coefficient] = (0.0, 0.0)
 
     @model_validator(mode="after")
     def _one_orientation_and_a_focus(self) -> Perspective:

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
-from lightdepth.cameras.camera import FilmPoint, Vector3
+from lightdepth.cameras.camera import FilmPoint
 from lightdepth.cameras.perspective import Perspective
 from lightdepth.cameras.stereo import Layout, Stereo
+from lightdepth.quantities import FARTHEST, Coordinates, FilmOffset, Length
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -28,11 +29,11 @@ class StereoPerspective(Stereo):
     type: Literal["stereo_perspective"]
     height: int = Field(gt=0, le=65536)
     fov: float = Field(default=60.0, gt=0.0, lt=180.0)
-    look_at: Vector3 | None = None
-    aperture: float = Field(default=0.0, ge=0.0)
-    focus_distance: float | None = Field(default=None, gt=0.0)
-    shift: tuple[float, float] = (0.0, 0.0)
-    convergence_distance: float | None = Field(default=None, gt=0.0)
+    look_at: Coordinates | None = None
+    aperture: float = Field(default=0.0, ge=0.0, le=FARTHEST)
+    focus_distance: Length | None = None
+    shift: FilmOffset = (0.0, 0.0)
+    convergence_distance: Length | None = None
     layout: Layout = "side-by-side"
 
     @model_validator(mode="after")
