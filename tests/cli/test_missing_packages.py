@@ -48,6 +48,11 @@ POINTS = ["--position", "0,0,1", "-o", "meshes"]
         ("pymeshlab", "points", ["reconstruct", "from-points", "scan.las", *POINTS]),
         ("av", "video", ["deliver", "a.####.exr", "--as", "360", "-o", "x.mp4"]),
         ("PyOpenColorIO", "colour", ["deliver", "a.exr", "--as", "stills", "-o", "x.png", "--ocio", "ocio://default"]),
+        (
+            "distributed",
+            "farm",
+            ["farm", "dask", "scene.toml", "--scheduler", "x", "--frames", "1", "-o", "x.####.exr"],
+        ),
         ("mitsuba_oidn", "denoise", ["render", "scene.toml", "--denoise", "-o", "x.exr"]),
     ],
 )
