@@ -16,6 +16,7 @@ from typer.testing import CliRunner
 from lightdepth.cli.farm import app
 from lightdepth.errors import InputError
 
+from . import one_node_slurm
 from .room_folder import edit, make_room
 
 PROGRAM = [sys.executable, "-c", "from lightdepth.cli.app import main; main()"]
@@ -140,6 +141,20 @@ def test_each_task_of_a_slurm_array_has_its_chunk(scene, tmp_path):
         output = tmp_path / "o u t" / "shot.####.exr"
         wanted = ["render", scene, "--frames", frames, "-o", output, "--samples", "8", "--progress", "none"]
         assert called.stdout.splitlines() == list(map(str, wanted)), called.stderr
+
+
+@pytest.mark.skipif(not one_node_slurm.is_installed(), reason="Slurm and MUNGE are not installed (slurm-wlm, munge)")
+def test_slurm_renders_its_array(scene, worker, alone, tmp_path_factory):
+    """A real one, with a folder of a short name: those of sockets are limited."""
+    folder = tmp_path_factory.mktemp("slurm")
+    out, script = folder / "out", folder / "shot.sh"
+    farm("slurm", scene, script, "--frames", "1-3", "--chunk", "2", "-o", out / "shot.####.exr", *FAST)
+    with one_node_slurm.slurm(folder) as environment:
+        paths = {"PATH": f"{worker.parent}:{environment['PATH']}", "SLURM_CONF": environment["SLURM_CONF"]}
+        ended = call("sbatch", "--wait", f"--output={folder}/%a.log", script, **paths)
+    logs = [(folder / f"{task}.log").read_text() for task in range(2)]
+    assert ended.returncode == 0, logs
+    assert_delivered(out, alone)
 
 
 @contextmanager
