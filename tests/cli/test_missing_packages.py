@@ -31,7 +31,10 @@ def folder(tmp_path):
     write_scan(tmp_path / "scan.las")
     write_scan(tmp_path / "scan.laz")
     (tmp_path / "scan.e57").write_bytes(b"ASTM-E57")
-    make_room(tmp_path)
+    text = make_room(tmp_path).read_text()
+    ball = 'shape = "sphere"\ncenter = [0.5, 1.0, 0.3]\nradius = 0.3'
+    (tmp_path / "usd.toml").write_text(text.replace(ball, 'mesh = "thing.usdc"'))
+    (tmp_path / "thing.usdc").write_bytes(b"PXR-USDC")
     return tmp_path
 
 
