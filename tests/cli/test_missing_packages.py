@@ -51,6 +51,7 @@ POINTS = ["--position", "0,0,1", "-o", "meshes"]
         ("pymeshlab", "points", ["reconstruct", "from-points", "scan.las", *POINTS]),
         ("av", "video", ["deliver", "a.####.exr", "--as", "360", "-o", "x.mp4"]),
         ("PyOpenColorIO", "colour", ["deliver", "a.exr", "--as", "stills", "-o", "x.png", "--ocio", "ocio://default"]),
+        ("pxr", "usd", ["check", "usd.toml"]),
         (
             "distributed",
             "farm",
