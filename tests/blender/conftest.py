@@ -24,7 +24,14 @@ def _interpreters() -> list[Path]:
     return [path for path in sorted(ROOT.glob(".venv-bpy*/bin/python")) if path.is_file()]
 
 
-NEWEST = {"test_window", "test_seen_by_cycles", "test_sample_models", "test_mesh_exporters", "test_calibrating"}
+NEWEST = {
+    "test_window",
+    "test_seen_by_cycles",
+    "test_sample_models",
+    "test_mesh_exporters",
+    "test_calibrating",
+    "test_usd",
+}
 """Modules of slow tests to which Blender's version makes no difference: they run in the newest that is there."""
 
 

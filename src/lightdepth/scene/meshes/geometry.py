@@ -53,6 +53,25 @@ def transformed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     )
 
 
+def bent(
+    matrices: NDArray[np.float64], positions: NDArray[np.float64], normals: NDArray[np.floating] | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Positions and normals, each under an affine map of its own.
+
+    Args:
+        matrices: shape (n, 3, 4).
+        positions: shape (n, 3).
+        normals: shape (n, 3), if any.
+    """
+    linear = matrices[:, :, :3]
+    moved = np.einsum("nij,nj->ni", linear, positions) + matrices[:, :, 3]
+    if normals is None:
+        return moved, None
+    cofactors = np.stack([np.cross(linear[:, i - 2], linear[:, i - 1]) for i in range(3)], axis=1)
+    turned = np.einsum("nij,nj->ni", cofactors, normals) * np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)[:, None]
+    return moved, unit(turned).astype(np.float64)
+
+
 def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     """The mesh in the world, in single precision, under an affine map of shape (4, 4).
 
