@@ -47,6 +47,8 @@ def camera_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem]
             problems.append(Problem(Severity.WARNING, f"{where}: {message}"))
             continue
         nearest = min(views, key=lambda view: float(np.linalg.norm(camera.position - view.position)))
+        if scene.plate is not None and name == scene.plate.camera:
+            continue  # It has a picture of its own.
         soft, far = _softness(camera, scene), _far_away(camera, nearest, views)
         problems += [Problem(Severity.HINT, f"{where}: {message}") for message in (soft, far) if message is not None]
     return problems

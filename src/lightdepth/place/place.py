@@ -21,6 +21,7 @@ from lightdepth.place.photograph import Photograph
 from lightdepth.place.photographed import Photographed
 from lightdepth.place.photographs import Photographs
 from lightdepth.place.real_light import RealLight
+from lightdepth.place.seen_plate import SeenPlate
 from lightdepth.place.sun import Sun
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.model import Gloss, Panorama, SunLight
@@ -45,6 +46,7 @@ class Place:
         shares: of the light samples for irradiance, for each of ``lights``.
         path_shares: of the light paths, for each of ``lights``.
         glosses: the specular lobes of its surfaces, once what they mirror is known.
+        plate: the photograph of an ordinary camera, which is the picture but not the light; ``None`` without one.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class Place:
         self.photograph = _photographed(panoramas, surfaces, infinite, alone, gains, parameters)
         self.suns = tuple(Sun(sun, surfaces) for sun in suns)
         self.glosses: tuple[Gloss, ...] = ()
+        self.plate: SeenPlate | None = None
         share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.suns), 1))
         self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
         path_share = parameters.sun_path_share / max(len(self.suns), 1)
@@ -95,6 +98,12 @@ class Place:
         place = copy(self)
         place.glosses = glosses
         place.photograph = self.photograph.with_mirrored(images)
+        return place
+
+    def with_plate(self, plate: SeenPlate) -> Place:
+        """The same place with a plate, which gives the albedo of the support that it shows."""
+        place = copy(self)
+        place.plate = plate
         return place
 
     # -- Sampling its light -------------------------------------------------------------------------------------

@@ -26,6 +26,8 @@ def recovered_reflectance(
         active: where it is wanted.
     """
     radiance = place.photograph.surface_radiance(hit, direction, active)
+    if place.plate is not None:
+        radiance = place.plate.over(radiance, hit, direction, active)
     rho, specular_scale = reflectance(
         radiance,
         surfaces.irradiance(hit, active),

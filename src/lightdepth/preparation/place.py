@@ -21,6 +21,7 @@ from lightdepth.lightmap.depth_meshes import meshes_from_depth
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
+from lightdepth.place.seen_plate import SeenPlate
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.gains import solve_gains
 from lightdepth.recovery.specular import fit_glosses, fitted_glosses, recover_mirrored
@@ -48,6 +49,7 @@ class PreparedPlace:
         errors: of the irradiance.
         gains: of each photograph, per channel, shape (k, 3).
         plates: the photograph as the cameras seen last see it; see :func:`lightdepth.film.plate.kept_plate`.
+        seen_plates: plates of ordinary cameras that were used last; see :func:`lightdepth.preparation.plate.with_plate`.
     """
 
     place: Place
@@ -55,6 +57,7 @@ class PreparedPlace:
     errors: IrradianceErrors
     gains: NDArray[np.float32]
     plates: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
+    seen_plates: dict[str, SeenPlate] = field(default_factory=dict)
 
 
 def prepare_place(

@@ -31,6 +31,7 @@ from lightdepth.scene.model import (
     Gloss,
     Mesh,
     Panorama,
+    Plate,
     RealSurface,
     RenderSettings,
     Role,
@@ -39,6 +40,7 @@ from lightdepth.scene.model import (
     SyntheticObject,
     SyntheticPart,
 )
+from lightdepth.scene.plate import read_camera_plate
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.scene_file import SceneText, Tables
 from lightdepth.scene.schema import CapturePose, MeshObject, OnSpot, Picture, RealTable, SphereObject, UnitShapeObject
@@ -136,6 +138,7 @@ def read_scene(
     if not tables.cameras and panorama.radiance.size:
         pano = Equirectangular(type="equirectangular", width=panorama.radiance.shape[1])
         cameras["pano"] = _camera_view(pano, pose)
+    plate = _plate(tables, problems, earlier)
     render = RenderSettings() if tables.render is None else RenderSettings(**dict(tables.render))
     scene = Scene(
         panorama,
@@ -146,9 +149,25 @@ def read_scene(
         path,
         lights=tuple(lights),
         further=tuple(further),
+        plate=plate,
     )
     unread = len(tables.real) - len(real)
     return Contents(None if tables.pose is None else scene, unread, problems.messages, tables, meshes, moving)
+
+
+def _plate(tables: Tables, problems: Problems, earlier: Contents | None) -> Plate | None:
+    if tables.plate is None:
+        return None
+    if (
+        earlier is not None
+        and earlier.scene is not None
+        and not earlier.problems
+        and tables.plate == earlier.tables.plate
+    ):
+        return earlier.scene.plate
+    with problems.noting(("plate",)):
+        return read_camera_plate(tables.plate, tables.cameras)
+    return None
 
 
 def _same_place(tables: Tables, earlier: Contents) -> bool:

@@ -69,6 +69,14 @@ class PanoramaTable(CapturePose, Picture):
     """``[[panorama]]``, or ``[panorama]`` where there is one."""
 
 
+class PlateTable(Table):
+    """``[plate]``: the picture of one camera, in place of what the panoramas show it."""
+
+    image: NumberedFile
+    camera: Name
+    gain: Annotated[Vector3, BeforeValidator(_gain)] | None = None
+
+
 def _as_list(tables: Any) -> Any:
     return tables if isinstance(tables, list) else [tables]
 
@@ -215,6 +223,7 @@ class SceneFile(Table):
     light: list[LightSettings] = Field(default_factory=list)
     synthetic: list[SyntheticTable] = Field(default_factory=list)
     camera: dict[Name, CameraSettings] = Field(default_factory=dict)
+    plate: PlateTable | None = None
     render: RenderTable = RenderTable()
     sequence: SequenceTable | None = None
     format: Annotated[Whole, Field(ge=1), AfterValidator(_known_format)] = 1
