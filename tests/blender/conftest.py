@@ -30,6 +30,7 @@ NEWEST = {
     "test_sample_models",
     "test_mesh_exporters",
     "test_calibrating",
+    "test_endurance",
     "test_a_moving_ball_is_blurred_as_in_cycles",
 }
 """Slow tests and modules of such to which Blender's version makes no difference: they run in the newest that is there."""
