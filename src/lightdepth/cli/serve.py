@@ -20,8 +20,8 @@ def serve(
     Example: lightdepth serve --stdio
     """
     from lightdepth.errors import InputError
+    from lightdepth.serve.worker import Worker
     from lightdepth.session.events import Failure
-    from lightdepth.session.worker import Worker
 
     if not stdio:
         raise InputError("say how to talk: --stdio is the only way so far")
