@@ -28,8 +28,12 @@ from lightdepth.sequence.fingerprint import frame_seed
 WAY = np.array([0.5, -0.2, 0.0])
 """Of the camera over all frames, metres."""
 SEED, REACHES = 7, (2, 4, 8)
+MORE = 8
+"""Times the samples of a frame alone that is to be as free of noise."""
 NEAR = 0.02
-"""Two frames show the same point where their distances from it differ by less than this share."""
+"""Two frames show the same point where their distances from it differ by less than this share,"""
+OFFSET = 0.15
+"""and it is less than so many pixels off the middle of a pixel in both: else the picture's own detail would flicker."""
 
 
 @dataclass(frozen=True)
@@ -41,11 +45,10 @@ class Spent:
     width: int
     frames: int
     truth_samples: int
-    converged: int
     samples: int
 
 
-FULL, QUICK = Spent(512, 256, 240, 24, 1024, 4096, 16), Spent(256, 64, 120, 12, 256, 1024, 16)
+FULL, QUICK = Spent(512, 256, 240, 24, 1024, 16), Spent(256, 64, 120, 12, 256, 16)
 
 
 def measure(quick: bool, console: Console) -> dict[str, Any]:
@@ -55,42 +58,41 @@ def measure(quick: bool, console: Console) -> dict[str, Any]:
     place = l_shaped_room("mixed")
     scene = place.scene(spent.photograph, spent.photograph_samples, spent.width)
     views = travelling(place, spent)
-    true = truths(place, views, spent)
-    middle = spent.frames // 2
-    alone, seconds = _rendered(scene, views, spent.samples, None)
-    reference = _rendered(scene, views[middle : middle + 1], spent.converged, None)[0][0]
-    floor = flicker([replace_beauty(each, seen) for each, seen in zip(alone, true, strict=True)], views)
-    rows = [["path-traced truth", "", f"{100 * floor:.2f} %", "", "", ""]]
+    true = [truths(place, views, spent, objects) for objects in (True, False)]
+    rows: list[list[str]] = []
 
-    def add(name: str, frames: Sequence[Frame], seconds: float) -> None:
-        for denoised in (False, True):
-            pictures = [denoise(frame) for frame in frames] if denoised else list(frames)
-            error, signed = errors(pictures[middle], true[middle])
-            rows.append(
-                [
-                    name,
-                    "yes" if denoised else "no",
-                    f"{100 * flicker(pictures, views):.2f} %",
-                    f"{100 * noise(pictures[middle], reference):.2f} %",
-                    f"{100 * error:.2f} % ({100 * signed:+.2f} %)",
-                    f"{seconds:.2f}",
-                ]
-            )
-            console.print("   ".join(rows[-1]), highlight=False)
-            _write(f"flicker-{name.replace(' ', '-')}{'-denoised' if denoised else ''}", pictures[middle].beauty)
+    def add(name: str, frames: Sequence[Frame], seconds: float, denoised: bool = False) -> None:
+        pictures = [denoise(frame) for frame in frames] if denoised else frames
+        error, signed = errors(pictures, *true)
+        steadiness = f"{100 * flicker(pictures, views):.2f} %"
+        cost = "" if denoised else f"{seconds:.2f}"
+        rows.append(
+            [name, "yes" if denoised else "no", steadiness, f"{100 * error:.2f} %", f"{100 * signed:+.2f} %", cost]
+        )
+        console.print("   ".join(rows[-1]), highlight=False)
+        middle = pictures[len(pictures) // 2].beauty
+        _write(f"flicker-{name.replace(' ', '-').replace(',', '')}{'-denoised' if denoised else ''}", middle)
 
-    add("each frame alone", alone, seconds)
-    add("all with one seed", *_rendered(scene, views, spent.samples, None, same_seed=True))
+    for name, samples, same in (
+        ("each frame alone", spent.samples, False),
+        ("each frame alone, all with one seed", spent.samples, True),
+        (f"each frame alone, {MORE * spent.samples} samples", MORE * spent.samples, False),
+    ):
+        frames, seconds = _rendered(scene, views, samples, 1, same)
+        add(name, frames, seconds)
+        if samples == spent.samples:
+            add(name, frames, seconds, denoised=True)
     for reach in REACHES:
-        frames, rendering = _rendered(scene, views, spent.samples, reach + 1)
+        frames, seconds = _rendered(scene, views, spent.samples, reach + 1, False)
         began = time.process_time()
         steady = steadied(frames, views, reach)
-        add(f"reuse of {reach} to each side", steady, rendering + (time.process_time() - began) / len(frames))
-    _write("flicker-truth", true[middle].mean)
+        seconds += (time.process_time() - began) / len(frames)
+        for denoised in (False, True):
+            add(f"{reach} frames to each side shared", steady, seconds, denoised)
     return {
         "title": f"A travelling camera over objects at rest, {spent.frames} frames, {spent.width} pixels wide, "
-        f"{spent.samples} samples a pixel: the support that the objects change",
-        "head": ["", "denoised", "flicker", "noise", "error (signed)", "CPU s a frame"],
+        f"{spent.samples} samples a pixel: matte support",
+        "head": ["", "denoised", "flicker", "error", "signed", "CPU s a frame"],
         "rows": rows,
     }
 
@@ -106,24 +108,25 @@ def travelling(place: Place, spent: Spent) -> list[CameraView]:
     return moved
 
 
-def truths(place: Place, views: Sequence[CameraView], spent: Spent) -> list[Estimate]:
-    """Every frame path-traced."""
+def truths(place: Place, views: Sequence[CameraView], spent: Spent, objects: bool) -> list[Estimate]:
+    """Every frame path-traced, with or without the objects."""
     import mitsuba as mi
 
     estimates = []
     for number, view in enumerate(views):
 
         def make(view: CameraView = view, number: int = number) -> Estimate:
-            scene = mi.load_dict(place.mitsuba_scene(True), optimize=False)
-            return path_trace(scene, view, spent.truth_samples, seed=500 + number)
+            scene = mi.load_dict(place.mitsuba_scene(objects), optimize=False)
+            return path_trace(scene, view, spent.truth_samples, seed=500 + number + 1000 * (not objects))
 
-        key = content_hash("flicker", place.name, place.objects, view, spent.truth_samples, number)
+        seen = place.objects if objects else ()
+        key = content_hash("flicker", place.name, seen, view, spent.truth_samples, number)
         estimates.append(cached(key, make))
     return estimates
 
 
 def _rendered(
-    scene: Scene, views: Sequence[CameraView], samples: int, sharing: int | None, same_seed: bool = False
+    scene: Scene, views: Sequence[CameraView], samples: int, sharing: int, same_seed: bool
 ) -> tuple[list[Frame], float]:
     """Frames of their own samples, and the CPU time of one after the first."""
     frames, seconds = [], []
@@ -131,7 +134,7 @@ def _rendered(
         began = time.process_time()
         seed = SEED if same_seed else frame_seed(SEED, number)
         there = replace(scene, cameras={"view": view})
-        frames.append(begin_rendering(there, "view", seed=seed, cache=False, sharing=sharing or 1).complete(samples))
+        frames.append(begin_rendering(there, "view", seed=seed, cache=False, sharing=sharing).complete(samples))
         seconds.append(time.process_time() - began)
     return frames, float(np.median(seconds))
 
@@ -147,17 +150,11 @@ def steadied(frames: Sequence[Frame], views: Sequence[CameraView], reach: int) -
     ]
 
 
-def replace_beauty(frame: Frame, true: Estimate) -> Frame:
-    """A frame whose finished picture is the truth."""
-    change = (true.mean - frame.plate * (1.0 - frame.coverage[..., None]) - frame.synthetic).astype(np.float32)
-    return replace(frame, change=change)
-
-
 def flicker(frames: Sequence[Frame], views: Sequence[CameraView]) -> float:
     """Standard deviation from frame to frame at the same points of matte support, relative to the photograph there.
 
-    Each pixel is compared with the nearest one of the next frame that shows the same point. Half of the squared
-    difference of two independent values is their variance.
+    Pixels are compared with those of the next frame that show the same point. Half of the squared difference of two
+    independent values is their variance.
     """
     squares, count = 0.0, 0
     for (one, here), (other, there) in zip(
@@ -174,6 +171,8 @@ def flicker(frames: Sequence[Frame], views: Sequence[CameraView]) -> float:
         same = inside & _changed(other)[row, column]
         assert other.depth is not None
         same &= np.abs(other.depth[row, column] / away - 1.0) < NEAR
+        off = np.abs(film * [width, height] - np.stack([column, row], axis=1) - 0.5)
+        same &= (off < OFFSET).all(axis=1)
         difference = _relative(other)[row, column] - _relative(one)[rows, columns]
         squares += 0.5 * float(np.square(difference[same]).sum())
         count += int(same.sum())
@@ -203,19 +202,15 @@ def _points(frame: Frame, view: CameraView) -> NDArray[np.float64]:
     return np.asarray(view.position + directions * np.asarray(frame.depth)[..., None], np.float64)
 
 
-def noise(frame: Frame, reference: Frame) -> float:
-    """Root mean square difference from the converged frame, relative to the photograph, on the support."""
-    both = _changed(frame) & _changed(reference)
-    return float(np.sqrt(np.square(_relative(frame) - _relative(reference))[both].mean()))
-
-
-def errors(frame: Frame, true: Estimate) -> tuple[float, float]:
-    """Relative root mean square error, without the noise of the truth, and signed error, on the support."""
-    support = _changed(frame)
-    error = (frame.beauty - true.mean)[support]
-    level = true.mean[support].mean()
-    square = float((error**2).mean() - true.variance[support].mean())
-    return float(np.sqrt(max(square, 0.0)) / level), float(error.mean() / level)
+def errors(frames: Sequence[Frame], full: Sequence[Estimate], empty: Sequence[Estimate]) -> tuple[float, float]:
+    """Root mean square and signed error of matte support's change, relative to the picture, without the truth's noise."""
+    squares, signed, level, count = 0.0, 0.0, 0.0, 0
+    for frame, new, old in zip(frames, full, empty, strict=True):
+        support = _changed(frame) & (new.coverage == 0.0)
+        error = (frame.change - (new.mean - old.mean))[support]
+        squares += float((error**2).sum() - (new.variance + old.variance)[support].sum())
+        signed, level, count = signed + float(error.sum()), level + float(new.mean[support].sum()), count + error.size
+    return float(np.sqrt(max(squares / count, 0.0)) / (level / count)), signed / level
 
 
 def _write(name: str, radiance: NDArray[np.floating]) -> None:

@@ -31,15 +31,15 @@ MOST_COVERAGE = 0.75
 """Of a pixel by objects; what is left of it tells little of the support."""
 DARK = 1e-4
 """Radiance relative to the photograph's median below which a relative change means nothing."""
-PLANE = 0.5
+PLANE = 0.1
 """Distance from the plane of a pixel's surface at which others still show the same one, in pixels there."""
 SAME_NORMAL = 0.9
 """Cosine between the normals of two pixels that show the same surface."""
 FEWEST_TAPS = 0.5
 """Share of the four pixels around a point, by their weight, that must show its surface."""
-WINDOWS = (3, 9)
+WINDOWS = (1, 3, 9)
 """Sides of the squares of pixels over which differences are tested: for edges, and for what is faint."""
-REJECTED = 4.0
+REJECTED = 9.0
 """Squared differences above this many times their variance are no noise."""
 
 
@@ -221,9 +221,11 @@ def _differs(own: _Change, found: _Change) -> NDArray[np.bool_]:
     both = (own.weight > 0.0) & (found.weight > 0.0)
     difference = np.where(both, (found.relative - own.relative).mean(axis=2), np.float32(0.0))
     noise = np.where(both, (found.variance + own.variance).mean(axis=2), np.float32(0.0))
+    # That of a single pixel from few samples is unreliable, and may be nothing at all.
+    noise = np.maximum(noise, cv2.blur(noise, (3, 3)))
     result = np.zeros(both.shape, bool)
     for side in WINDOWS:
         mean, expected = (cv2.blur(part, (side, side)) for part in (difference, noise))
         # Means over the square times its area: the variance of a sum is the sum of the variances.
         result |= np.square(mean) * side**2 > REJECTED * expected
-    return cv2.dilate(result.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return result
