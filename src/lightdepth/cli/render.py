@@ -52,6 +52,9 @@ def render(
     verify: Annotated[
         bool, typer.Option("--verify", help="Only report which --frames are missing or outdated.")
     ] = False,
+    steady: Annotated[
+        int | None, typer.Option(min=1, help="Each of the --frames shares samples with so many before and after it.")
+    ] = None,
     samples: Annotated[int | None, typer.Option(min=1, help="Samples per influenced pixel.")] = None,
     noise: Annotated[
         float | None, typer.Option(min=1e-6, help="Stop where the estimated relative error is below this.")
@@ -141,10 +144,11 @@ def render(
                 verify,
                 progress,
                 interruption,
+                steady,
             )
         return
-    if force or verify or step != 1:
-        raise InputError("--force, --verify and --step go with --frames")
+    if force or verify or step != 1 or steady is not None:
+        raise InputError("--force, --verify, --step and --steady go with --frames")
     if output is not None and "#" in output.name:
         raise InputError(f"-o {output}: numbered files are for a sequence; say which --frames")
     with Interruption() as interruption:
