@@ -136,4 +136,4 @@ def _directions(view: CameraView) -> NDArray[np.float64]:
     """Distributed over what a camera sees, unit, world, shape (n, 3)."""
     start()
     everywhere = sphere(4000)
-    return everywhere[view.camera.sees(aligned_columns(FAR_POINT * everywhere @ view.rotation))]
+    return everywhere[view.on_film(aligned_columns(view.position + FAR_POINT * everywhere))[1]]

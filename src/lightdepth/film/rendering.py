@@ -28,7 +28,7 @@ from lightdepth.film.pixel_list import PixelList
 from lightdepth.film.plate import kept_plate, render_shares
 from lightdepth.film.sampling import Sampling
 from lightdepth.film.schedule import Region, Round, Target, passes, pilot_samples
-from lightdepth.film.selection import influenced_pixels
+from lightdepth.film.selection import influenced_pixels, matte_support
 from lightdepth.film.shared_errors import ListUse, SharedErrors
 from lightdepth.film.sums import Origin, PixelSums, Share
 from lightdepth.images.tonemapping import auto_exposure
@@ -68,6 +68,8 @@ class Rendering:
         method: its name, for the image's header.
         seed: of the random numbers; the same seed gives the same image.
         share: the part of the work to do; see :meth:`sums`.
+        sharing: frames that will share the samples of matte support, which so needs fewer of them;
+            see :mod:`lightdepth.sequence.temporal_reuse`. ``None`` is a picture of its own.
 
     Attributes:
         share: as given.
@@ -86,6 +88,7 @@ class Rendering:
         method: str,
         seed: int,
         share: Share = Share(),  # noqa: B008 - it is immutable
+        sharing: int | None = None,
     ) -> None:
         self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
         self.share, self._parameters = share, scene.render.parameters.film
@@ -114,7 +117,12 @@ class Rendering:
             self.errors = PictureError(prepared, self._sampling, self._accumulator, some, seed, self._parameters)
             # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
             dr.flush_malloc_cache()
-        self._allocation = Allocation(self._list, self._accumulator, self.errors, self._parameters)
+        self._support, shared = None, None
+        if sharing is not None:
+            with DEVICE_LOCK:
+                self._support = matte_support(view, prepared)
+            shared = np.where(self._support.reshape(-1)[self.pixels], np.int32(sharing), np.int32(1))
+        self._allocation = Allocation(self._list, self._accumulator, self.errors, self._parameters, shared)
         self._round: Round | None = None
         self._digests: tuple[str, str] | None = None
 
@@ -227,6 +235,7 @@ class Rendering:
             matrices=view_matrices(self._view, self._scene.panorama.viewpoint),
             object_names=tuple(thing.name for thing in self._scene.synthetic),
             topology=self._view.topology,
+            support=self._support,
         )
         if auxiliary:
             names = shape_names(self._scene.synthetic)

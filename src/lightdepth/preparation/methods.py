@@ -112,7 +112,7 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
     objects = prepare_objects(scene)
     real = support_with_scale_factors(scene, modelled)
     surfaces = TracedSurfaces(real, [shape for _, shape in objects.shapes])
-    place = Place(scene.panorama, surfaces, alone=True)
+    place = Place(scene.panorama, surfaces, alone=True, parameters=scene.render.parameters.place)
     settings = scene.render
     integrator = EnvpathIntegrator(
         place, surfaces, scene.panorama, objects.bounds, settings.max_bounces, settings.parameters.transport

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import mitsuba as mi
 
 from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
+from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.object_bounds import ObjectBounds
 from lightdepth.preparation.removed import removed_shape
 from lightdepth.scene.model import Scene
@@ -37,11 +38,12 @@ def prepare_objects(scene: Scene) -> PreparedObjects:
         InputError: Mitsuba refuses a material.
     """
     shapes = tuple(synthetic_shapes(scene))
+    tuned = scene.render.parameters.transport
     spheres = [enclosing_sphere(shape) for _, shape in shapes]
     polished = [sphere for sphere, (_, shape) in zip(spheres, shapes, strict=True) if is_polished(shape)]
     removed, around = removed_shape(scene)
-    return PreparedObjects(shapes, _bounds([*spheres, *around]), _bounds(polished), removed)
+    return PreparedObjects(shapes, _bounds([*spheres, *around], tuned), _bounds(polished, tuned), removed)
 
 
-def _bounds(spheres: Sequence[tuple]) -> ObjectBounds | None:
-    return ObjectBounds(spheres) if spheres else None
+def _bounds(spheres: Sequence[tuple], tuned: TransportParameters) -> ObjectBounds | None:
+    return ObjectBounds(spheres, tuned) if spheres else None

@@ -88,7 +88,14 @@ def prepare_place(
     balance = solve_gains(scene.panoramas, traced)
     if balance.problem is not None:
         raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
-    empty = Place(scene.panoramas, traced, infinite, suns=scene.lights, gains=balance.gains)
+    empty = Place(
+        scene.panoramas,
+        traced,
+        infinite,
+        suns=scene.lights,
+        gains=balance.gains,
+        parameters=scene.render.parameters.place,
+    )
     arrays = None if store is None else store.read(key)
     recovered = None if arrays is None else _unpacked(arrays, modelled)
     if recovered is None:
@@ -100,7 +107,14 @@ def prepare_place(
     surfaces = TracedSurfaces(real)
     place = empty.with_surfaces(surfaces)
     if modelled.deformed:
-        place = Place(scene.panoramas, surfaces, infinite, suns=scene.lights, gains=balance.gains)
+        place = Place(
+            scene.panoramas,
+            surfaces,
+            infinite,
+            suns=scene.lights,
+            gains=balance.gains,
+            parameters=scene.render.parameters.place,
+        )
     if recovered.mirrored:
         place = place.with_mirrored(recovered.mirrored, real.glosses)
     prepared = PreparedPlace(place, real, errors, balance.gains)
@@ -167,7 +181,9 @@ def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
 def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
     settings = scene.render
     choices = (infinite, settings.seed, settings.irradiance_samples, settings.draft)
-    return digest(place_digest(scene), choices, parameters, str(mi.variant()), mi.__version__, _code())
+    return digest(
+        place_digest(scene), choices, parameters, settings.parameters.place, str(mi.variant()), mi.__version__, _code()
+    )
 
 
 @cache
