@@ -5,6 +5,8 @@ The worker speaks first: :class:`~lightdepth.session.events.Hello`. Every reques
 - ``{"request": "hello", "schema": 1}`` must be the first;
 - ``{"request": "render", "id": "1", "scene": "room.toml", "output": "view.exr", "camera": "view", ...}``, with the other
   attributes of :class:`RenderRequest` as keys;
+- the same with ``"frame": 12`` and ``"output": "shot.####.exr"`` for a frame of the scene's sequence, which becomes the one
+  that ``render --frames`` writes; one that is there and current is not rendered again;
 - ``{"request": "cancel", "id": "1"}``, whether it is being prepared, rendered, or still waits;
 - ``{"request": "quit"}``, or the end of the input.
 
@@ -44,8 +46,10 @@ class RenderRequest(BaseModel):
     Attributes:
         id: of the request, for its events.
         scene: the scene file.
-        output: the EXR file to write.
-        picture: also write a PNG beside it.
+        output: the EXR file to write; with ``frame`` the pattern of the frames' files, beside which a PNG lies.
+        frame: of the scene's sequence; ``None`` for a still, which shows the first one.
+        force: render also a frame that is there.
+        picture: also write a PNG beside a still.
         layers: names of layers to write; ``None`` for all.
     """
 
@@ -55,6 +59,8 @@ class RenderRequest(BaseModel):
     id: str
     scene: Path
     output: Path
+    frame: int | None = Field(default=None, ge=0)
+    force: bool = False
     camera: str | None = None
     samples: int | None = Field(default=None, ge=1)
     noise: float | None = Field(default=None, gt=0.0)
@@ -203,6 +209,9 @@ class Worker:
                 self._pending.discard(request.id)
 
     def _render(self, request: RenderRequest, running: _Running) -> None:
+        if request.frame is not None:
+            self._render_frame(request, request.frame, running)
+            return
         if not running.cancelled:
             self._say(Stage("loading"), request.id)
             _check_layers(request.layers)
@@ -218,20 +227,56 @@ class Worker:
         session.display(ExrDisplay(request.output, request.layers))
         if request.picture:
             session.display(PngDisplay(request.output.with_suffix(".png"), request.exposure))
-        session.run(
-            Job(
-                camera=request.camera,
-                samples=request.samples,
-                noise=request.noise,
-                method=request.method,
-                seed=request.seed,
-                draft=request.draft,
-                denoise=request.denoise,
-                region=request.region,
-                preview_seconds=request.preview_seconds,
-            ),
-            lambda: running.cancelled,
+        session.run(_job(request), lambda: running.cancelled)
+
+    def _render_frame(self, request: RenderRequest, frame: int, running: _Running) -> None:
+        from lightdepth.scene.frames import SceneFrames
+        from lightdepth.sequence.numbering import FrameFiles
+        from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
+
+        still = {"region": request.region is not None, "preview_seconds": request.preview_seconds is not None}
+        if given := [key for key, used in still.items() if used]:
+            raise InputError(f"request: {', '.join(given)}: for a still, not with frame")
+
+        def report(event: Event) -> None:
+            self._say(event, request.id)
+            if running.cancelled:
+                raise _Dropped
+
+        wanted = SequenceJob(
+            [frame], FrameFiles(request.output), _job(request), request.layers, request.exposure, request.force
         )
+        try:
+            report(Stage("loading"))
+            _check_layers(request.layers)
+            with self._cautions(request.id):
+                frames = SceneFrames(request.scene, request.repair)
+                frames.scene(frame)
+            complete = SequenceRendering(frames, wanted, self._device, report).run(lambda: running.cancelled)
+        except (_Dropped, RuntimeError):  # Dr.Jit wraps what passes through a loop that it traces.
+            if not running.cancelled:
+                raise
+            complete = False
+        file = str(wanted.files.file(frame)) if complete else None
+        self._say(Done(file, interrupted=not complete), request.id)
+
+
+class _Dropped(Exception):  # noqa: N818 - no error
+    """Ends the rendering of a frame that is no longer wanted."""
+
+
+def _job(request: RenderRequest) -> Job:
+    return Job(
+        camera=request.camera,
+        samples=request.samples,
+        noise=request.noise,
+        method=request.method,
+        seed=request.seed,
+        draft=request.draft,
+        denoise=request.denoise,
+        region=request.region,
+        preview_seconds=request.preview_seconds,
+    )
 
 
 def _parsed(line: str) -> dict[str, Any] | None:
