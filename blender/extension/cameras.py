@@ -91,13 +91,14 @@ def sees(item, scene: bpy.types.Scene, point) -> bool:
     return abs(x / -z / half - 2.0 * shift[0]) <= 1.0 and abs(y / -z / half - 2.0 * shift[1]) <= ratio
 
 
-def camera_table(item, scene, eye: Eye | None = None) -> tuple[dict[str, Any], list[str]]:
+def camera_table(item, scene, eye: Eye | None = None, posed: bool = False) -> tuple[dict[str, Any], list[str]]:
     """The ``[camera.NAME]`` table of a camera.
 
     Args:
         item: the camera object, evaluated.
         scene: the scene, evaluated, for the resolution and the capture point.
         eye: one of its views; by default the camera itself.
+        posed: say the pose also where it is the scene file's default.
 
     Returns:
         The table, and notes on what of the camera cannot be carried.
@@ -121,7 +122,7 @@ def camera_table(item, scene, eye: Eye | None = None) -> tuple[dict[str, Any], l
         raise CameraError(
             f"Camera '{item.name}': an orthographic camera cannot be rendered; use perspective or panoramic"
         )
-    if not (table["type"] == "equirectangular" and _is_at_capture(eye.matrix, scene)):
+    if posed or not (table["type"] == "equirectangular" and _is_at_capture(eye.matrix, scene)):
         table |= pose(eye.matrix)
     return table, notes
 

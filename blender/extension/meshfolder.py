@@ -23,10 +23,12 @@ class Made:
     Attributes:
         files: the mesh's file and those that it names; none where there was nothing to write.
         notes: what could not be carried.
+        materials: names of the materials of its parts, in their order; empty where a part has none.
     """
 
     files: tuple[str, ...]
     notes: tuple[str, ...]
+    materials: tuple[str, ...] = ()
 
 
 class MeshFolder:

@@ -218,7 +218,7 @@ class WriteLights(bpy.types.Operator, ExportHelper):
         try:
             document = read_tables(path)
             origin = _origin_of(document, settings)
-            tables, notes = with_render_depsgraph(context, lambda graph: scene_lights(graph, path.parent, origin))
+            tables, notes = with_render_depsgraph(context, lambda graph, _: scene_lights(graph, path.parent, origin))
             text = spliced(path.read_bytes().decode("utf-8-sig"), tables)
             temporary = path.with_name(f".{path.name}.part")
             temporary.write_text(text, encoding="utf-8", newline="")
@@ -243,7 +243,7 @@ class _Recovers(Asks):
     def arguments(self, context, folder: Path):
         """Those of ``lightdepth recover`` for the exported scene."""
         path = folder / "scene.toml"
-        with_render_depsgraph(context, lambda depsgraph: export_scene(depsgraph, path))
+        with_render_depsgraph(context, lambda depsgraph, _: export_scene(depsgraph, path))
         document = read_tables(path)
         self._folder_of_scene, self._origin = folder, _origin_of(document, context.scene.lightdepth)
         return ["recover", self.what, str(path), "--json"]

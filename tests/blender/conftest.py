@@ -31,8 +31,10 @@ NEWEST = {
     "test_mesh_exporters",
     "test_calibrating",
     "test_usd",
+    "test_endurance",
+    "test_a_moving_ball_is_blurred_as_in_cycles",
 }
-"""Modules of slow tests to which Blender's version makes no difference: they run in the newest that is there."""
+"""Slow tests and modules of such to which Blender's version makes no difference: they run in the newest that is there."""
 
 
 def pytest_collection_modifyitems(config, items):
@@ -41,7 +43,7 @@ def pytest_collection_modifyitems(config, items):
     repeated = [
         item
         for item in items
-        if item.path.stem in NEWEST
+        if not NEWEST.isdisjoint((item.path.stem, item.originalname))
         and "blender" in getattr(item, "callspec", item).__dict__.get("params", {})
         and item.callspec.params["blender"] != newest
     ]

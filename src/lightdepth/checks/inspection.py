@@ -18,6 +18,7 @@ from lightdepth.checks.gloss import gloss_problems
 from lightdepth.checks.lights import light_problems
 from lightdepth.checks.objects import object_problems, standing_problems
 from lightdepth.checks.photographs import PhotographReport, compare_photographs, panorama_name, panorama_table
+from lightdepth.checks.plate import PlateReport, compare_plate
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
@@ -43,11 +44,13 @@ class Inspection:
         problems: the worst first.
         coverage: ``None`` where the place has no geometry at all.
         photographs: how several of them compare; empty where there is one.
+        plate: how the plate compares with them; ``None`` without one.
     """
 
     problems: tuple[Problem, ...]
     coverage: Coverage | None
     photographs: tuple[PhotographReport, ...] = ()
+    plate: PlateReport | None = None
 
 
 def inspect_file(path: Path) -> Inspection:
@@ -151,6 +154,7 @@ class _CheckedPlace:
         radiance: what is wrong with the panorama.
         others: what is wrong with the rest, where the capture point is right.
         objects: what is wrong with objects that were looked at in it, by their digest.
+        plates: what was found of plates that were looked at in it, by their digest.
     """
 
     views: tuple[CaptureView, ...]
@@ -159,6 +163,7 @@ class _CheckedPlace:
     radiance: tuple[Problem, ...]
     others: tuple[Problem, ...]
     objects: dict[str, list[Problem]] = field(default_factory=dict)
+    plates: dict[str, tuple[list[Problem], PlateReport | None]] = field(default_factory=dict)
 
 
 _checked: OrderedDict[str, _CheckedPlace] = OrderedDict()
@@ -214,18 +219,25 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
     if not checked.views:
         return Inspection(tuple(problems), None)
     misplaced: list[Problem] = []
+    plate: PlateReport | None = None
     if scene.real:
         inside = (object_mesh(thing).vertices.mean(axis=0) for thing in scene.synthetic)
         misplaced = _misplaced(scene, checked.views, inside)
     problems += misplaced
     if not misplaced:
         problems += checked.others
+        if scene.plate is not None and not any(each.severity is Severity.ERROR for each in checked.others):
+            key = digest(scene.plate, scene.cameras[scene.plate.camera])
+            if key not in checked.plates:
+                checked.plates[key] = compare_plate(scene)
+            differences, plate = checked.plates[key]
+            problems += differences
         if scene.real:
             problems += object_problems(scene.synthetic, checked.views[0], checked.objects)
             problems += camera_problems(scene, checked.views)
         if scene.real and hints:
             problems += standing_problems(scene.synthetic, checked.views[0])
-    return Inspection(_worst_first(problems), checked.coverage, checked.photographs)
+    return Inspection(_worst_first(problems), checked.coverage, checked.photographs, plate)
 
 
 def _worst_first(problems: Iterable[Problem]) -> tuple[Problem, ...]:

@@ -14,7 +14,7 @@ from scipy.stats.qmc import Sobol
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.cryptomatte import Mattes
-from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.arrays import aligned, aligned_columns
 from lightdepth.kernel.row_bands import Band, bands
 from lightdepth.kernel.tracing import first_hit
 from lightdepth.parameters.film import DEFAULT, FilmParameters
@@ -48,6 +48,7 @@ def render_auxiliary(
     names: tuple[tuple[str, ...], tuple[str, ...]],
     coverage: NDArray[np.float32] | None = None,
     parameters: FilmParameters = DEFAULT,
+    picture: NDArray[np.float32] | None = None,
 ) -> Auxiliary:
     """Render the layers other than light.
 
@@ -58,6 +59,7 @@ def render_auxiliary(
         coverage: share of each pixel that objects cover, as far as is known, shape (height, width): where it lies
             between 0 and 1 there is an edge, be it of an object that lies between all pixel centres.
         parameters: points in each pixel.
+        picture: what the pixels show of the real surfaces, shape (height, width, 3); ``None`` takes the photograph.
     """
     width, height = view.resolution
     subpixels = parameters.layer_subpixels
@@ -77,6 +79,9 @@ def render_auxiliary(
         middle = _shapes(prepared, found, seen.inside)
         distance = dr.select(seen.inside & found.is_valid(), found.t, dr.inf)
         dr.eval(middle, distance)  # At once: one by one would trace all rays again.
+        shown = (
+            None if picture is None else mi.Color3f(*map(mi.Float, aligned_columns(picture[band.rows].reshape(-1, 3))))
+        )
         shape[band.rows] = middle.numpy().reshape(band.shape)
         depth[band.rows] = distance.numpy().reshape(band.shape)
         mean_normal, mean_albedo = dr.zeros(mi.Vector3f, dr.width(band.row)), dr.zeros(mi.Color3f, dr.width(band.row))
@@ -87,7 +92,7 @@ def render_auxiliary(
                 # Point by point, so that one small kernel serves all of them.
                 offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
                 dr.make_opaque(offset)
-                one_normal, one_albedo, one_shape = _surface(prepared, rays(offset))
+                one_normal, one_albedo, one_shape = _surface(prepared, rays(offset), shown)
                 differs |= one_shape ^ middle
                 mean_normal += one_normal
                 mean_albedo += one_albedo
@@ -148,7 +153,9 @@ def _shapes(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside: mi.
     return result
 
 
-def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Color3f, mi.UInt32]:
+def _surface(
+    prepared: Prepared, seen: CameraRays, shown: mi.Color3f | None
+) -> tuple[mi.Vector3f, mi.Color3f, mi.UInt32]:
     surfaces, place, ray, inside = prepared.surfaces, prepared.place, seen.ray, seen.inside
     found = first_hit(surfaces.all, ray, coherent=True, active=inside)
     on_real = inside & surfaces.is_real(found)
@@ -159,5 +166,5 @@ def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Colo
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, mi.Vector3f(si.sh_frame.n), hit.normal & on_real)
-    photographed = dr.minimum(place.photograph.sharp(hit, ray), 1.0) & inside
+    photographed = dr.clip(place.photograph.sharp(hit, ray) if shown is None else shown, 0.0, 1.0) & inside
     return normal, dr.select(on_synthetic, diffuse, photographed), _shapes(prepared, found, inside)

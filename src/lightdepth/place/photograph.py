@@ -21,6 +21,7 @@ from lightdepth.kernel.arrays import aligned_empty
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.tracing import first_hit
 from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.place.feather import edge_feather, mask_feather
 from lightdepth.place.light_list import LightSample
 from lightdepth.place.map_distribution import MapDistribution, direction_to_latlong, latlong_to_direction
@@ -50,6 +51,7 @@ class Photograph(Photographed):
         infinite: take every depth as infinite: the directional method.
         alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
         gain: of each channel; ``None`` is 1.
+        parameters: how it is feathered, and how unseen sky is guessed.
 
     Attributes:
         map: its radiance as light.
@@ -63,8 +65,9 @@ class Photograph(Photographed):
         infinite: bool = False,
         alone: bool = False,
         gain: NDArray[np.float32] | None = None,
+        parameters: PlaceParameters = DEFAULT,
     ) -> None:
-        self._gain = gain
+        self._gain, self._parameters = gain, parameters
         self.map = MapDistribution(self._scaled(panorama.light_radiance), alone)
         self._shown = self.map
         if panorama.unclipped is not None or panorama.plate is not None:
@@ -118,12 +121,12 @@ class Photograph(Photographed):
         shape = self.map.height, self.map.width
         clarity = np.ones((*shape, 2), np.float32)
         if self.surfaces.has_real:
-            clarity[..., 0] = edge_feather(self._depth.numpy().reshape(shape))
+            clarity[..., 0] = edge_feather(self._depth.numpy().reshape(shape), self._parameters)
         counts = np.ones(shape, np.float32) if panorama.mask is None else panorama.mask
         if panorama.depth is not None and self.surfaces.has_real:
             counts = counts * self._modelled(panorama.depth)
         if not (counts == 1.0).all():
-            clarity[..., 1] = mask_feather(counts)
+            clarity[..., 1] = mask_feather(counts, self._parameters)
         photograph._clarity = _texture(clarity)
         return photograph
 
@@ -376,7 +379,7 @@ class Photograph(Photographed):
         u, v = np.meshgrid((column + 0.5) / self.map.width, (row + 0.5) / self.map.height)
         directions = direction_of_latlong(u, v) @ panorama.rotation.T
         some = np.ix_(row, column)
-        found = sky_map(self._scaled(panorama.light_radiance[some]), sky[some], directions)
+        found = sky_map(self._scaled(panorama.light_radiance[some]), sky[some], directions, self._parameters)
         if found is None:
             return None
         return _texture(found)

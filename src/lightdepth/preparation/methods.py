@@ -16,6 +16,7 @@ from lightdepth.place.real_surfaces import merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.preparation.objects import prepare_objects
 from lightdepth.preparation.place import modelled_surfaces, prepare_place
+from lightdepth.preparation.plate import with_plate
 from lightdepth.recovery.support_irradiance import IrradianceReport
 from lightdepth.scene.model import Scene
 from lightdepth.store import Store
@@ -57,7 +58,7 @@ class Method(Protocol):
 def _difference(scene: Scene, store: Store | None = None, infinite: bool = False) -> Prepared:
     prepared, objects = prepare_place(scene, infinite, store), prepare_objects(scene)
     surfaces = prepared.place.surfaces.with_synthetic([shape for _, shape in objects.shapes])
-    place = prepared.place.with_surfaces(surfaces)
+    place = with_plate(prepared.place.with_surfaces(surfaces), scene, prepared)
     settings = scene.render
     # Compiling the kernel of light tracing takes longer than a draft's noise is worth.
     polished = None if settings.draft else objects.polished
@@ -90,11 +91,15 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
         raise InputError(
             f"{scene.path or 'scene'}: method 'envpath' uses one panorama without a mask; use 'difference' or 'directional'"
         )
+    if scene.plate is not None:
+        raise InputError(
+            f"{scene.path or 'scene'}: method 'envpath' cannot use a [plate]; use 'difference' or 'directional'"
+        )
     modelled = merge_real_surfaces(modelled_surfaces(scene))
     objects = prepare_objects(scene)
     real = support_with_scale_factors(scene, modelled)
     surfaces = TracedSurfaces(real, [shape for _, shape in objects.shapes])
-    place = Place(scene.panorama, surfaces, alone=True)
+    place = Place(scene.panorama, surfaces, alone=True, parameters=scene.render.parameters.place)
     settings = scene.render
     integrator = EnvpathIntegrator(
         place, surfaces, scene.panorama, objects.bounds, settings.max_bounces, settings.parameters.transport

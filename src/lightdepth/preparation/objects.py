@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import mitsuba as mi
 
 from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
+from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.object_bounds import ObjectBounds
 from lightdepth.scene.model import Scene
 
@@ -34,10 +35,11 @@ def prepare_objects(scene: Scene) -> PreparedObjects:
         InputError: Mitsuba refuses a material.
     """
     shapes = tuple(synthetic_shapes(scene))
+    tuned = scene.render.parameters.transport
     spheres = [enclosing_sphere(shape) for _, shape in shapes]
     polished = [sphere for sphere, (_, shape) in zip(spheres, shapes, strict=True) if is_polished(shape)]
-    return PreparedObjects(shapes, _bounds(spheres), _bounds(polished))
+    return PreparedObjects(shapes, _bounds(spheres, tuned), _bounds(polished, tuned))
 
 
-def _bounds(spheres: Sequence[tuple]) -> ObjectBounds | None:
-    return ObjectBounds(spheres) if spheres else None
+def _bounds(spheres: Sequence[tuple], tuned: TransportParameters) -> ObjectBounds | None:
+    return ObjectBounds(spheres, tuned) if spheres else None

@@ -94,7 +94,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
     ) -> None:
         super().__init__(place, surfaces, bounds, max_bounces)
         self.parameters = parameters
-        self.lobes = SpecularLobes(glosses)
+        self.lobes = SpecularLobes(glosses, parameters)
         self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
         self.has_relit = FaceKind.RELIT in surfaces.kinds
         self.has_support = surfaces.changes

@@ -21,9 +21,6 @@ from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
 from lightdepth.transport.light_tracing import LightTracer
 from lightdepth.transport.sampler import Sampler
 
-UNLIKELY_SUN = 1 / 16
-"""Share of the vertices that test whether a sun is visible, among those where its shadow map finds that it is not."""
-
 
 @dataclass
 class Vertex:
@@ -180,7 +177,7 @@ class LightSampling:
         u, v = sampler.stratified("sun")
         light = sun.sample(dr.select(first, u, sampler.next_1d(active)), dr.select(first, v, sampler.next_1d(active)))
         direction = light.position
-        chance = dr.select(sun.may_light(vertex.point), mi.Float(1.0), UNLIKELY_SUN)
+        chance = dr.select(sun.may_light(vertex.point), mi.Float(1.0), self._parameters.unlikely_sun)
         tried = active & (sampler.next_1d(active) < chance)
         tried &= ~vertex.in_difference | vertex.support.may_meet_objects(direction)
         value, scattering_pdf = self.scattering(context, vertex, direction, tried)

@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import euler_rotation
+from lightdepth.quantities import FARTHEST
 from lightdepth.scene.meshes.rows import unique_rows
 from lightdepth.scene.model import Mesh
 
 Triple = tuple[float, float, float]
-FARTHEST = 1e15
-"""Coordinates beyond are damage."""
 COARSEST_STEP = 0.002
 """Of a mesh's size: coarser steps of single precision would be seen."""
 
@@ -77,7 +76,7 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     """The mesh in the world, in single precision, under an affine map of shape (4, 4).
 
     Raises:
-        ValueError: it stands so far from the world's origin that single precision cannot hold its shape.
+        ValueError: it stands so far from the world's origin that single precision cannot hold its shape, or flat.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         exact = transformed(mesh, matrix)
@@ -90,6 +89,8 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
             f"for its size of {size:.3g} m; give it a position that brings it near the origin"
         )
     solid = face_areas(vertices, exact.faces) > 0.0
+    if not solid.any():
+        raise ValueError("no triangle of it has an area where it stands; mind its scale")
     return replace(
         exact,
         vertices=vertices,

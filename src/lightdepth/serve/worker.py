@@ -5,8 +5,6 @@ The worker speaks first: :class:`~lightdepth.session.events.Hello`. Every reques
 - ``{"request": "hello", "schema": 1}`` must be the first;
 - ``{"request": "render", "id": "1", "scene": "room.toml", "output": "view.exr", "camera": "view", ...}``, with the other
   attributes of :class:`RenderRequest` as keys;
-- the same with ``"frame": 12`` and ``"output": "shot.####.exr"`` for a frame of the scene's sequence, which becomes the one
-  that ``render --frames`` writes; one that is there and current is not rendered again;
 - ``{"request": "cancel", "id": "1"}``, whether it is being prepared, rendered, or still waits;
 - ``{"request": "quit"}``, or the end of the input.
 
@@ -33,7 +31,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lightdepth.api import load_scene
 from lightdepth.errors import InputError, InputWarning, LightdepthError
 from lightdepth.kernel.start import Device
-from lightdepth.session.displays import ExrDisplay, PngDisplay
+from lightdepth.scene.frames import SceneFrames
+from lightdepth.sequence.motion_blur import MotionBlur
+from lightdepth.sequence.shutter import Shutter, frame_job
+from lightdepth.session.displays import Display, ExrDisplay, PngDisplay
 from lightdepth.session.events import SCHEMA, Caution, Done, Event, Failure, Hello, Stage
 from lightdepth.session.session import Job, Session
 
@@ -46,10 +47,10 @@ class RenderRequest(BaseModel):
     Attributes:
         id: of the request, for its events.
         scene: the scene file.
-        output: the EXR file to write; with ``frame`` the pattern of the frames' files, beside which a PNG lies.
-        frame: of the scene's sequence; ``None`` for a still, which shows the first one.
-        force: render also a frame that is there.
-        picture: also write a PNG beside a still.
+        frame: of its sequence, which is rendered with the motion blur and the seed that it has there; ``None`` renders the
+            scene at its first frame, as it stands.
+        output: the EXR file to write.
+        picture: also write a PNG beside it.
         layers: names of layers to write; ``None`` for all.
     """
 
@@ -60,7 +61,6 @@ class RenderRequest(BaseModel):
     scene: Path
     output: Path
     frame: int | None = Field(default=None, ge=0)
-    force: bool = False
     camera: str | None = None
     samples: int | None = Field(default=None, ge=1)
     noise: float | None = Field(default=None, gt=0.0)
@@ -87,7 +87,7 @@ class _Running:
     """
 
     id: str
-    session: Session | None = None
+    session: Session | MotionBlur | None = None
     cancelled: bool = False
 
 
@@ -209,74 +209,58 @@ class Worker:
                 self._pending.discard(request.id)
 
     def _render(self, request: RenderRequest, running: _Running) -> None:
-        if request.frame is not None:
-            self._render_frame(request, request.frame, running)
-            return
+        job = Job(
+            camera=request.camera,
+            samples=request.samples,
+            noise=request.noise,
+            method=request.method,
+            seed=request.seed,
+            draft=request.draft,
+            denoise=request.denoise,
+            region=request.region,
+            preview_seconds=request.preview_seconds,
+        )
+        work: Session | MotionBlur | None = None
         if not running.cancelled:
             self._say(Stage("loading"), request.id)
             _check_layers(request.layers)
             with self._cautions(request.id):
-                scene = load_scene(request.scene, request.repair)
-            session = Session(scene, self._device)
+                work, job = self._work(request, job)
         with self._lock:
-            if running.cancelled:
+            if running.cancelled or work is None:
                 self._say(Done(None, interrupted=True), request.id)
                 return
-            running.session = session
-        session.on(lambda event: self._say(event, request.id))
-        session.display(ExrDisplay(request.output, request.layers))
+            running.session = work
+        displays: list[Display] = [ExrDisplay(request.output, request.layers)]
         if request.picture:
-            session.display(PngDisplay(request.output.with_suffix(".png"), request.exposure))
-        session.run(_job(request), lambda: running.cancelled)
-
-    def _render_frame(self, request: RenderRequest, frame: int, running: _Running) -> None:
-        from lightdepth.scene.frames import SceneFrames
-        from lightdepth.sequence.numbering import FrameFiles
-        from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
-
-        still = {"region": request.region is not None, "preview_seconds": request.preview_seconds is not None}
-        if given := [key for key, used in still.items() if used]:
-            raise InputError(f"request: {', '.join(given)}: for a still, not with frame")
+            displays.append(PngDisplay(request.output.with_suffix(".png"), request.exposure))
 
         def report(event: Event) -> None:
             self._say(event, request.id)
-            if running.cancelled:
-                raise _Dropped
 
-        wanted = SequenceJob(
-            [frame], FrameFiles(request.output), _job(request), request.layers, request.exposure, request.force
+        if isinstance(work, MotionBlur):
+            work.render(displays, self._device, report)
+            return
+        work.on(report)
+        for display in displays:
+            work.display(display)
+        work.run(job, lambda: running.cancelled)
+
+    def _work(self, request: RenderRequest, job: Job) -> tuple[Session | MotionBlur, Job]:
+        """What renders a request, and its job."""
+        if request.frame is None:
+            return Session(load_scene(request.scene, request.repair), self._device), job
+        frames = SceneFrames(request.scene, request.repair)
+        number = request.frame
+        first, last = frames.sequence.frames
+        if not first <= number <= last:
+            raise InputError(f"request: frame: {number} is outside the [sequence], which has frames {first} to {last}")
+        scene = frames.scene(number)
+        job = frame_job(job, scene, number)
+        blurred = Shutter(frames.sequence, job, self._device, lambda _, instant: frames.scene(instant)).blurred(
+            number, scene, job
         )
-        try:
-            report(Stage("loading"))
-            _check_layers(request.layers)
-            with self._cautions(request.id):
-                frames = SceneFrames(request.scene, request.repair)
-                frames.scene(frame)
-            complete = SequenceRendering(frames, wanted, self._device, report).run(lambda: running.cancelled)
-        except (_Dropped, RuntimeError):  # Dr.Jit wraps what passes through a loop that it traces.
-            if not running.cancelled:
-                raise
-            complete = False
-        file = str(wanted.files.file(frame)) if complete else None
-        self._say(Done(file, interrupted=not complete), request.id)
-
-
-class _Dropped(Exception):  # noqa: N818 - no error
-    """Ends the rendering of a frame that is no longer wanted."""
-
-
-def _job(request: RenderRequest) -> Job:
-    return Job(
-        camera=request.camera,
-        samples=request.samples,
-        noise=request.noise,
-        method=request.method,
-        seed=request.seed,
-        draft=request.draft,
-        denoise=request.denoise,
-        region=request.region,
-        preview_seconds=request.preview_seconds,
-    )
+        return (blurred if blurred.moves else Session(scene, self._device)), job
 
 
 def _parsed(line: str) -> dict[str, Any] | None:

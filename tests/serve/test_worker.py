@@ -8,12 +8,7 @@ import pytest
 
 from lightdepth.film.frame import EXPOSURE
 from lightdepth.film.layers import read_frame
-from lightdepth.scene.frames import SceneFrames
-from lightdepth.sequence.fingerprint import State
-from lightdepth.sequence.numbering import FrameFiles
-from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
 from lightdepth.session.events import SCHEMA
-from lightdepth.session.session import Job
 from tests.cli.room_folder import edit, make_room
 
 PROGRAM = [sys.executable, "-c", "from lightdepth.cli.app import main; main()", "serve", "--stdio"]
@@ -126,40 +121,6 @@ def test_a_worker_renders_one_request_after_the_other(folder, client):
     status, errors = client.end()
     assert status == 0
     assert errors == ""
-
-
-def test_a_worker_renders_frames_of_a_sequence(folder, client):
-    """As `render --frames` does: with its fingerprint, only where it is missing, and whole or not at all."""
-    scene = folder / "sequence.toml"
-    scene.write_text("[sequence]\nframes = [1, 9]\n" + (folder / "scene.toml").read_text())
-    pattern = folder / "shot.####.exr"
-    client.ask(**HELLO)
-    request = {"request": "render", "scene": str(scene), "output": str(pattern), "layers": [], "samples": 2}
-    for name, wanted in (("a", "rendered"), ("b", "current")):
-        client.ask(**request, id=name, frame=2)
-        told = client.until("done", "failure", name=name)
-        assert told[-1]["file"] == str(folder / "shot.0002.exr")
-        assert [event["state"] for event in told if event["event"] == "frame"][-1] == wanted
-    assert (folder / "shot.0002.png").is_file()
-    job = SequenceJob([2], FrameFiles(pattern), Job(samples=2), layers=[])
-    states = SequenceRendering(SceneFrames(scene), job, "cpu", print).states()
-    assert states == {2: State.CURRENT}
-    client.ask(**request | {"samples": 100_000_000}, id="c", frame=3)
-    client.until("progress", name="c")
-    client.ask(request="cancel", id="c")
-    last = client.until("done", "failure", name="c")[-1]
-    assert (last["event"], last["file"], last["interrupted"]) == ("done", None, True)
-    assert not [path for path in folder.iterdir() if "0003" in path.name]
-    for name, more, words in (
-        ("d", {"frame": 10}, "frame 10"),
-        ("e", {"frame": 1, "region": [0, 0, 4, 4]}, "region: for a still, not with frame"),
-        ("f", {"frame": 1, "output": str(folder / "one.exr")}, "must have #"),
-    ):
-        client.ask(**request | more, id=name)
-        failure = client.until("failure", "done", name=name)[-1]
-        assert words in failure["message"]
-    client.ask(request="quit")
-    assert client.end() == (0, "")
 
 
 def test_what_a_file_says_and_is_not_applied_is_reported_for_every_request(folder, client):
