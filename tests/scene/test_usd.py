@@ -32,7 +32,7 @@ CORNERS = np.array([[0, 0, 0], [2, 0, 0], [2, 0, 1], [0, 0, 1]], float)
 def usd(tmp_path):
     def write(text, axis="Z", unit=1, name="thing.usda"):
         path = tmp_path / name
-        path.write_text(HEAD.format(axis=axis, unit=unit) + text)
+        path.write_text(HEAD.format(axis=axis, unit=unit) + text, errors="surrogateescape")
         return path
 
     return write
@@ -287,7 +287,8 @@ def test_a_camera_of_a_file_is_the_scenes(usd, tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("not a layer {", "is not a readable USD file"),
+        ("not a layer {", "is not a readable USD file: line 7"),
+        ("def \udcff", "is not a readable USD file"),
         ('def Sphere "ball" {}', "/ball is a Sphere; only meshes are read"),
         ('def "x" (references = @nowhere.usda@) {}', "names the layer .*nowhere.usda, which does not exist"),
         (f'def Mesh "quad" {{ {QUAD.replace("2, 3]", "2, 9]")} }}', "/quad: a face names point 9, but there are 4"),
