@@ -245,18 +245,23 @@ def test_instances_are_where_their_instancer_puts_them(usd):
         f"""def PointInstancer "many" {{
     double3 xformOp:translate = (0, 10, 0)
     uniform token[] xformOpOrder = ["xformOp:translate"]
-    rel prototypes = </many/quad>
+    rel prototypes = </shape/quad>
     int[] protoIndices = [0, 0]
     point3f[] positions = [(1, 0, 0), (-4, 0, 2)]
+}}
+class "shape" {{
     def Mesh "quad" {{ {QUAD} }}
+}}
+def Mesh "nothing" {{
 }}
 def Scope "unseen" {{
     token visibility = "invisible"
     def Mesh "quad" {{ {QUAD} }}
 }}"""
     )
-    found = [part.mesh.vertices for part in read_mesh_file(path, with_materials=True)]
-    np.testing.assert_allclose(found, [CORNERS + [1, 10, 0], CORNERS + [-4, 10, 2]])
+    for with_materials in (True, False):
+        found = [part.mesh.vertices for part in read_mesh_file(path, with_materials)]
+        np.testing.assert_allclose(found, [CORNERS + [1, 10, 0], CORNERS + [-4, 10, 2]])
 
 
 def test_a_camera_of_a_file_is_the_scenes(usd, tmp_path):
