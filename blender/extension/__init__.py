@@ -22,6 +22,7 @@ from . import (
     rest,
     roles,
     viewpoints,
+    viewport,
 )
 
 _MODULES = (
@@ -48,11 +49,13 @@ def register() -> None:
             bpy.utils.register_class(item)
     properties.register()
     evaluation.register()
+    viewport.register()
     panels.register()
 
 
 def unregister() -> None:
     """Take everything out of Blender, and end what still renders."""
+    viewport.unregister()
     process.end_all()
     meshfolder.remove()
     panels.unregister()

@@ -6,7 +6,7 @@ import os
 import shlex
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -93,6 +93,8 @@ class Exported:
         notes: what could not be carried, one sentence each.
         objects: the file's synthetic objects, in its order.
         frame: number of the frame with motion blur; ``None`` where there is none.
+        document: the file's tables.
+        origin: of the file in Blender's world, shape (3,).
     """
 
     path: Path
@@ -100,6 +102,24 @@ class Exported:
     notes: list[str]
     objects: list[Carried]
     frame: int | None
+    document: dict[str, Any]
+    origin: np.ndarray
+
+    def text(self) -> str:
+        """The scene file's text."""
+        head = ""
+        if self.origin.any():
+            head = "# Its origin is at {:g}, {:g}, {:g} of Blender's world.\n".format(*self.origin)
+        return head + toml.dumps(self.document)
+
+    def seen(self, table: dict[str, Any]) -> str:
+        """Its text with a single camera, ``view``.
+
+        Args:
+            table: of the camera, in Blender's world.
+        """
+        table = table | {"position": [float(a - b) for a, b in zip(table["position"], self.origin, strict=True)]}
+        return replace(self, document=self.document | {"camera": {"view": table}}).text()
 
 
 @dataclass
@@ -560,8 +580,9 @@ def export_scene(
     every_camera: bool = True,
     eye_of: EyeOf | None = None,
     set_frame: SetFrame | None = None,
+    with_cameras: bool = True,
 ) -> Exported:
-    """Write the scene of a depsgraph that was made for rendering. Nothing of Blender's data is changed.
+    """Write the scene of a depsgraph. Nothing of Blender's data is changed.
 
     Args:
         depsgraph: the evaluated scene.
@@ -570,6 +591,7 @@ def export_scene(
         every_camera: write all cameras that can be carried, not the active one alone.
         eye_of: of the active camera, where it is one of several.
         set_frame: evaluates the scene at another time, for motion blur; ``None`` writes it as it stands.
+        with_cameras: write cameras at all.
 
     Raises:
         ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
@@ -597,7 +619,7 @@ def export_scene(
         writer.write_synthetic(closed=not scene.lightdepth.sky)
     finally:
         graph.forget_pictures()
-    tables, said = _camera_tables(depsgraph, origin, every_camera, eye_of)
+    tables, said = _camera_tables(depsgraph, origin, every_camera, eye_of) if with_cameras else ({}, [])
     writer.note(*said)
     if moves is not None:
         tables = {name: moves.with_keys(name, table) for name, table in tables.items()}
@@ -605,14 +627,13 @@ def export_scene(
     writer.note(*said)
     document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
     document["render"] = _render_table(scene.lightdepth)
-    temporary = path.with_name(f".{path.name}.part")
-    head = ""
-    if writer.origin.any():
-        head = "# Its origin is at {:g}, {:g}, {:g} of Blender's world.\n".format(*writer.origin)
-    temporary.write_text(head + toml.dumps(document), encoding="utf-8")
-    os.replace(temporary, path)
     active = scene.camera.name if scene.camera is not None and scene.camera.name in tables else None
-    return Exported(path, active, list(writer.notes), writer.objects, None if moves is None else moves.shutter.frame)
+    frame = None if moves is None else moves.shutter.frame
+    exported = Exported(path, active, list(writer.notes), writer.objects, frame, document, origin)
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(exported.text(), encoding="utf-8")
+    os.replace(temporary, path)
+    return exported
 
 
 def _motion(

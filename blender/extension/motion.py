@@ -175,9 +175,14 @@ def _alike(values: list[Any]) -> bool:
 
 
 def instances(depsgraph) -> Iterator[tuple[Any, Matrix, bool, Instance]]:
-    """Objects that are rendered and what they make instances of: object, matrix, whether it is an instance, which."""
+    """Objects that are rendered and what they make instances of: object, matrix, whether it is an instance, which.
+
+    The viewport's objects are there as far as renderings have them.
+    """
+    viewport = depsgraph.mode == "VIEWPORT"
     for each in depsgraph.object_instances:
-        if each.show_self:
+        hidden = viewport and (each.object.hide_render or (each.parent is not None and each.parent.hide_render))
+        if each.show_self and not hidden:
             parent = each.parent.name if each.is_instance and each.parent is not None else ""
             number = tuple(each.persistent_id) if each.is_instance else ()
             yield each.object, each.matrix_world.copy(), each.is_instance, (each.object.name, parent, number)
