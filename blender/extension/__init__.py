@@ -7,6 +7,7 @@ import bpy
 
 from . import (
     calibration,
+    cameraimport,
     checking,
     engine,
     evaluation,
@@ -37,6 +38,7 @@ _MODULES = (
     export,
     checking,
     reallights,
+    cameraimport,
     engine,
     panels,
 )

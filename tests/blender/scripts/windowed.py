@@ -263,11 +263,11 @@ def preview():
     before, scene.lightdepth.samples = live()._preview.picture.number, 1
     scene.update_tag()
     scene.render.resolution_x = 44
+    bpy.context.preferences.view.render_display_type = "NONE"  # or the viewport would make room for the picture
     window.press("F12")
     yield from until(is_rendering)
     yield from until(lambda: not is_rendering())
     found["F12 beside the preview"] = shown_width("beside")
-    window.press("Escape")
     yield from until(lambda: settled(live()) and live()._preview.picture.number > before)
     view.view_perspective = "ORTHO"
     yield from until(lambda: "orthographic" in live()._preview.status)
