@@ -89,7 +89,7 @@ def test_f12_shows_its_progress_and_escape_keeps_what_there_is(found, folder):
 
 def test_the_viewport_shows_what_is_placed_and_follows_it(found):
     for name, (inside, shining) in found["green"].items():
-        assert inside > 0.97, name  # as softly as a few samples and the lens make its edge
+        assert inside > 0.97, name
         assert shining > 0.9, name
     assert list(found["green"]) == ["first", "moved", "turned"]
 

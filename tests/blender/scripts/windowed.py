@@ -210,16 +210,19 @@ def preview():
     glow = bpy.data.materials.new("Glow")
     glow.use_nodes = True
     shader = glow.node_tree.nodes["Principled BSDF"]
+    scene.view_settings.view_transform = "Standard"
+    shader.inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
     shader.inputs["Emission Color"].default_value = (0.0, 1.0, 0.0, 1.0)
-    shader.inputs["Emission Strength"].default_value = 20.0
+    shader.inputs["Emission Strength"].default_value = 1.0
     ball.data.materials.append(glow)
     ball.select_set(False)
     scene.lightdepth.samples = 2
     where = window.editor("VIEW_3D")
     space = where["area"].spaces.active
     view = space.region_3d
-    view.view_perspective, view.view_camera_zoom = "CAMERA", -10.0
-    space.overlay.show_overlays = False
+    scene.camera.rotation_euler = (ball.location - scene.camera.location).to_track_quat("-Z", "Y").to_euler()
+    view.view_perspective = "CAMERA"
+    space.overlay.show_overlays = space.show_gizmo = space.show_region_ui = space.show_region_toolbar = False
     space.shading.type = "RENDERED"
     viewport = module("viewport")
     yield from until(lambda: viewport._live)
@@ -228,10 +231,12 @@ def preview():
         return next(iter(viewport._live))
 
     found["green"] = {}
+    number = [0]
 
     def look(name):
         """Wait for the finest picture; note which share of what shines is within the ball, and which share of it shines."""
-        yield from until(lambda: settled(live()))
+        yield from until(lambda: settled(live()) and live()._preview.picture.number > number[0])
+        number[0] = live()._preview.picture.number
         yield from drawn()
         yield 0.2
         x, y = location_3d_to_region_2d(where["region"], view, ball.matrix_world.translation)
@@ -241,7 +246,7 @@ def preview():
         region, height = where["region"], bpy.context.window_manager.windows[0].height
         pixels = window.screen(folder)[height - region.y - region.height : height - region.y, region.x :]
         pixels = pixels[:, : region.width].astype(float)
-        shines = (pixels[..., 1] > 150) & (pixels[..., 1] > 2.0 * pixels[..., 0])
+        shines = (pixels[..., 1] > 200) & (pixels[..., 1] > 2.0 * pixels[..., 0])
         rows, columns = np.nonzero(shines)
         inside = np.hypot(columns + 0.5 - x, region.height - rows - 0.5 - y) < abs(edge.x - x)
         found["green"][name] = [
@@ -251,10 +256,10 @@ def preview():
 
     yield from look("first")
     found["preview's renderer"] = renderers()
-    ball.location.x += 0.5
+    ball.location.x += 0.3
     yield from look("moved")
-    view.view_perspective = "PERSP"
-    view.view_rotation = Quaternion((0.0, 0.0, 1.0), 0.2) @ view.view_rotation
+    view.view_perspective, view.view_location, view.view_distance = "PERSP", ball.location.copy(), 1.5
+    view.view_rotation = Vector((0.4, 0.8, -0.5)).to_track_quat("-Z", "Y")
     yield from look("turned")
     # Something that takes too long, and F12 meanwhile.
     scene.lightdepth.samples = 1_000_000
