@@ -30,7 +30,7 @@ FOLDER = "samples"
 """Beside the frames, where their samples are."""
 NEEDED = ("depth", "normal", "albedo", "object_id", "support", "variance", "samples")
 """Layers of other frames that a frame needs."""
-PIXELS_KEPT = 1 << 23
+PIXELS_KEPT = 1 << 22
 """Of all frames together that are kept in memory."""
 
 

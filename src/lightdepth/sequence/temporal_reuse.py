@@ -47,6 +47,8 @@ REJECTED = 9.0
 """Squared differences above this many times their variance are no noise;"""
 AROUND = 5
 """nothing within a square of so many pixels is taken over: where edges have moved, some pixels agree by chance."""
+MIRRORING = 0.2
+"""Share of an object's pixels that are rejected above which it mirrors too much for the rest to be believed."""
 
 
 @dataclass(frozen=True)
@@ -254,4 +256,8 @@ def _differs(own: _Light, found: _Light) -> NDArray[np.bool_]:
         mean, expected = (cv2.blur(part, (side, side)) for part in (difference, noise))
         # Means over the square times its area: the variance of a sum is the sum of the variances.
         result |= np.square(mean) * side**2 > REJECTED * expected
-    return cv2.dilate(result.astype(np.uint8), np.ones((AROUND, AROUND), np.uint8)) > 0
+    result = cv2.dilate(result.astype(np.uint8), np.ones((AROUND, AROUND), np.uint8)) > 0
+    compared, rejected = (np.bincount(own.surface[part]) for part in (both, both & result))
+    mirroring = rejected > MIRRORING * compared[: len(rejected)]
+    mirroring[:2] = False  # Support mirrors nothing; its shadows move here and there.
+    return np.asarray(result | np.isin(own.surface, np.flatnonzero(mirroring)))
