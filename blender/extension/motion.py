@@ -174,13 +174,34 @@ def _alike(values: list[Any]) -> bool:
     return all(np.allclose(value, values[0], rtol=_EPSILON, atol=_EPSILON) for value in values[1:])
 
 
-def instances(depsgraph) -> Iterator[tuple[Any, Matrix, bool, Instance]]:
-    """Objects that are rendered and what they make instances of: object, matrix, whether it is an instance, which."""
-    for each in depsgraph.object_instances:
-        if each.show_self:
-            parent = each.parent.name if each.is_instance and each.parent is not None else ""
-            number = tuple(each.persistent_id) if each.is_instance else ()
-            yield each.object, each.matrix_world.copy(), each.is_instance, (each.object.name, parent, number)
+def instances(depsgraph, numbered: bool = True) -> Iterator[tuple[Any, np.ndarray, bool, Instance]]:
+    """Objects that are rendered and what they make instances of: object, matrix, whether it is an instance, which.
+
+    The viewport's objects are there as far as renderings have them.
+
+    Args:
+        depsgraph: the evaluated scene.
+        numbered: tell instances of one instancer from each other by their numbers; it takes time.
+
+    Yields:
+        The matrix has the shape (4, 4), float64, and is not used again.
+    """
+    viewport = depsgraph.mode == "VIEWPORT"
+    found = depsgraph.object_instances
+    matrices = np.empty(16 * len(found), np.float32)
+    found.foreach_get("matrix_world", matrices)  # one by one Blender makes an object of each
+    matrices = matrices.reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
+    shown, made = np.empty(len(matrices), bool), np.empty(len(matrices), bool)
+    found.foreach_get("show_self", shown)
+    found.foreach_get("is_instance", made)
+    for each, to_world, is_shown, is_made in zip(found, matrices, shown.tolist(), made.tolist(), strict=True):
+        if not is_shown:
+            continue
+        item, parent = each.object, each.parent if is_made else None
+        if viewport and (item.hide_render or (parent is not None and parent.hide_render)):
+            continue
+        number = tuple(each.persistent_id) if numbered and is_made else ()
+        yield item, to_world, is_made, (item.name, "" if parent is None else parent.name, number)
 
 
 def observed(
@@ -209,9 +230,8 @@ def observed(
             for item, to_world, _, instance in instances(depsgraph):
                 if item.type != "MESH" or item.lightdepth.role in roles.REAL:
                     continue
-                place = np.array(to_world, np.float64)
-                place[:3, 3] -= origin
-                places[instance] = place
+                to_world[:3, 3] -= origin
+                places[instance] = to_world
                 if _may_deform(item, depsgraph.scene):
                     pointer = item.data.as_pointer()
                     if pointer not in known:

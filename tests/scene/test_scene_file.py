@@ -187,6 +187,10 @@ WRONG = [
         r"gloss is not for an opening",
     ),
     (
+        '[[real]]\nname = "b"\nmesh = "floor.ply"\nrole = "environment"\nremoved = true\nrest = "floor.ply"',
+        r"gloss, opening and rest are not for a surface that is removed",
+    ),
+    (
         '[camera.view]\ntype = "perspectiv"\nwidth = 3',
         r"\[camera.view\]: type: 'perspectiv' is not known; did you mean",
     ),

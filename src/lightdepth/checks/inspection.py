@@ -21,6 +21,7 @@ from lightdepth.checks.photographs import PhotographReport, compare_photographs,
 from lightdepth.checks.plate import PlateReport, compare_plate
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
+from lightdepth.checks.removed import removed_problems
 from lightdepth.checks.sampling import object_mesh
 from lightdepth.checks.sequence import Findings, frames_to_check
 from lightdepth.checks.size import size_problems
@@ -149,6 +150,7 @@ class _CheckedPlace:
 
     Attributes:
         views: what the capture points see; empty where the place has no geometry at all.
+        free: what the first one would see of it without what is removed; ``None`` where ``views`` is empty.
         coverage: ``None`` there.
         photographs: how they compare.
         radiance: what is wrong with the panorama.
@@ -158,6 +160,7 @@ class _CheckedPlace:
     """
 
     views: tuple[CaptureView, ...]
+    free: CaptureView | None
     coverage: Coverage | None
     photographs: tuple[PhotographReport, ...]
     radiance: tuple[Problem, ...]
@@ -185,19 +188,21 @@ def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
         for problem in radiance_problems(panorama, panorama_table(scene, panorama))
     )
     if not scene.real and all(panorama.depth is None for panorama in scene.panoramas):
-        return _CheckedPlace((), None, (), radiance, ())
+        return _CheckedPlace((), None, None, (), radiance, ())
     views = tuple(look_around(scene, panorama) for panorama in scene.panoramas)
     coverages = [measure_coverage(view, scene, views) for view in views]
+    kept = tuple(surface for surface in scene.real if not surface.removed)
+    free = views[0] if len(kept) == len(scene.real) else look_around(replace(scene, real=kept))
     others = next((problems for problems in (hole_problems(each, unread) for each in coverages) if problems), [])
     photographs: tuple[PhotographReport, ...] = ()
     if not _misplaced(scene, views):  # Seen from a wrong point, everything else looks wrong as well.
-        others += [problem for surface in scene.real for problem in support_problems(surface, views)]
+        others += [problem for surface in kept for problem in support_problems(surface, views)]
         others += light_problems(scene, views[0])
         differences, photographs = compare_photographs(scene)
         others += differences
         if not any(problem.severity is Severity.ERROR for problem in differences):
             others += gloss_problems(scene)
-    return _CheckedPlace(views, coverages[0], photographs, radiance, tuple(others))
+    return _CheckedPlace(views, free, coverages[0], photographs, radiance, tuple(others))
 
 
 def _misplaced(
@@ -216,7 +221,7 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
     checked = _checked_place(scene, unread)
     problems = [*checked.radiance, *size_problems(scene.synthetic)]
-    if not checked.views:
+    if checked.free is None:
         return Inspection(tuple(problems), None)
     misplaced: list[Problem] = []
     plate: PlateReport | None = None
@@ -233,10 +238,11 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
             differences, plate = checked.plates[key]
             problems += differences
         if scene.real:
-            problems += object_problems(scene.synthetic, checked.views[0], checked.objects)
+            problems += object_problems(scene.synthetic, checked.free, checked.objects)
             problems += camera_problems(scene, checked.views)
+            problems += removed_problems(scene, checked.views)
         if scene.real and hints:
-            problems += standing_problems(scene.synthetic, checked.views[0])
+            problems += standing_problems(scene.synthetic, checked.free)
     return Inspection(_worst_first(problems), checked.coverage, checked.photographs, plate)
 
 

@@ -75,7 +75,7 @@ def render_auxiliary(
             return view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
 
         seen = rays(mi.Point2f(0.5))
-        found = first_hit(prepared.surfaces.all, seen.ray, coherent=True, active=seen.inside)
+        found = first_hit(prepared.surfaces.shown, seen.ray, coherent=True, active=seen.inside)
         middle = _shapes(prepared, found, seen.inside)
         distance = dr.select(seen.inside & found.is_valid(), found.t, dr.inf)
         dr.eval(middle, distance)  # At once: one by one would trace all rays again.
@@ -134,7 +134,7 @@ def _coverage(
         x, y, *lens = (dr.gather(mi.Float, part, lane % edge_samples) for part in stratified)
         column, row = mi.Float(pixel % view.resolution[0]), mi.Float(pixel // view.resolution[0])
         rays = view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(*lens))
-        found = first_hit(prepared.surfaces.all, rays.ray, coherent=True, active=rays.inside)
+        found = first_hit(prepared.surfaces.shown, rays.ray, coherent=True, active=rays.inside)
         seen = _shapes(prepared, found, rays.inside).numpy().reshape(len(some), edge_samples)
         pairs, count = np.unique((np.arange(len(some))[:, None] << 16) | seen.astype(np.int64), return_counts=True)
         there = (pairs & 0xFFFF) > 0
@@ -157,7 +157,7 @@ def _surface(
     prepared: Prepared, seen: CameraRays, shown: mi.Color3f | None
 ) -> tuple[mi.Vector3f, mi.Color3f, mi.UInt32]:
     surfaces, place, ray, inside = prepared.surfaces, prepared.place, seen.ray, seen.inside
-    found = first_hit(surfaces.all, ray, coherent=True, active=inside)
+    found = first_hit(surfaces.shown, ray, coherent=True, active=inside)
     on_real = inside & surfaces.is_real(found)
     on_synthetic = inside & found.is_valid() & ~on_real
     hit = surfaces.real_hit(ray, found, on_real)

@@ -15,6 +15,7 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
 
 from lightdepth.directions import latlong_to_direction as direction_of_latlong
 from lightdepth.kernel.arrays import aligned_empty
@@ -38,6 +39,8 @@ SKY_ROWS = 256
 """Rows of pixels, at most, from which the sky's mean radiance is taken."""
 BEFORE = 0.9
 """Times the model's distance; where several photographs are weighed, what was measured nearer is something else."""
+REMOVED_RIM = 2
+"""Pixels of the map around what is removed that count as showing it."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
 
@@ -357,7 +360,7 @@ class Photograph(Photographed):
             cosine = dr.abs(dr.dot(hit.normal, direction))
             depth = dr.select(hit.valid, hit.distance, dr.inf)
             seen = self._capture_sees(self._mapped_depth(w0), depth, cosine)
-            finite, relit = hit.valid, hit.kind == int(FaceKind.RELIT)
+            finite, relit = hit.valid, self.surfaces.leaves_with_objects(hit)
             position = dr.select(finite, mi.Vector3f(hit.point), direction)
             normal = hit.normal
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
@@ -401,11 +404,19 @@ class Photograph(Photographed):
         if self.infinite or not self.surfaces.has_real:
             return mi.Float(dr.inf)
         depth = aligned_empty((self.map.height, self.map.width))
+        removed = np.zeros(depth.shape, bool)
         for band in bands(self.map.width, self.map.height):
             u, v = (band.column + 0.5) / self.map.width, (band.row + 0.5) / self.map.height
             ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
             found = first_hit(self.surfaces.real, ray, coherent=True)
             depth[band.rows] = dr.select(found.is_valid(), found.t, dr.inf).numpy().reshape(band.shape)
+            if self.surfaces.has_removed:
+                hit = self.surfaces.real_hit(ray, found, found.is_valid())
+                removed[band.rows] = (hit.kind == int(FaceKind.REMOVED)).numpy().reshape(band.shape)
+        if removed.any():
+            # The pixels around it show some of it too.
+            around = np.where(removed, depth, np.float32(np.inf))
+            depth[...] = np.minimum(depth, minimum_filter(around, 2 * REMOVED_RIM + 1, mode=("nearest", "wrap")))
         return mi.Float(depth.reshape(-1))
 
     def _mapped_depth(self, w0: mi.Vector3f) -> mi.Float:

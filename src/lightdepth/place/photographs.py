@@ -23,7 +23,6 @@ from lightdepth.place.light_list import LightSample, joined
 from lightdepth.place.photograph import Photograph, looked_up
 from lightdepth.place.photograph_weights import Sighting, Weights, weigh
 from lightdepth.place.photographed import Photographed
-from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.model import Panorama
 
@@ -266,7 +265,7 @@ class Photographs(Photographed):
             density & own.seen,
             radiance,
             hit.valid,
-            hit.kind == int(FaceKind.RELIT),
+            self.surfaces.leaves_with_objects(hit),
             mi.Bool(False),
         )
         dr.eval(vars(sample))  # At once: one by one would trace all rays again.

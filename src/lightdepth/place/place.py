@@ -173,20 +173,21 @@ class Place:
             result = dr.select(light.is_sun & sun.contains(light.position), sun.transmittance(point), result)
         return result
 
-    def unblocked(self, light: LightSample, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
+    def unblocked(self, light: LightSample, ray: mi.Ray3f, active: mi.Bool, kept: bool = False) -> mi.Bool:
         """Which shadow rays meet no real surface; those toward a sun pass openings.
 
         Args:
             light: the samples that the rays run to.
             ray: from a surface, up to just before the light.
             active: which are wanted; false elsewhere.
+            kept: only those count that are not removed.
         """
         if not self.surfaces.has_real:
             return active
         tested = active & ~light.is_sun if self.suns else active
         if self.infinite:
             tested = tested & light.finite  # The map's light is taken to come past all surfaces.
-        free = active & ~meets(self.surfaces.real, ray, tested)
+        free = active & ~meets(self.surfaces.kept if kept else self.surfaces.real, ray, tested)
         if self.suns:
             toward_sun = active & light.is_sun
             free &= ~meets(self.surfaces.blockers, ray, toward_sun)

@@ -286,6 +286,7 @@ def _real_surface(table: RealTable) -> RealSurface:
         role=Role(table.role),
         gloss=None if table.gloss is None else Gloss(table.gloss.roughness, table.gloss.specular),
         opening=table.opening,
+        removed=table.removed,
     )
 
 
@@ -356,7 +357,7 @@ def _to_world(
         to_world = placement(table.position, table.rotation, table.scale)
     if not table.on_spot:
         return to_world
-    spot = find_spot(panorama, real, _spot_direction(table, panorama))
+    spot = find_spot(panorama, [each for each in real if not each.removed], _spot_direction(table, panorama))
     if spot is None:
         key = "at" if table.at is not None else "at_angles"
         raise InputError(

@@ -84,6 +84,7 @@ class RealSurface:
         role: what it does in the augmented scene.
         gloss: specular lobe; environment with one mirrors the new objects and does not change otherwise.
         opening: a window pane, through which a declared sun shines in; what the photograph shows of it stays.
+        removed: it is in the photograph, and is to leave the picture, with its light, its shadow and its reflections.
     """
 
     name: str
@@ -91,6 +92,7 @@ class RealSurface:
     role: Role
     gloss: Gloss | None = None
     opening: bool = False
+    removed: bool = False
 
 
 @dataclass(frozen=True)

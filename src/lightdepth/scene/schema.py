@@ -97,6 +97,7 @@ class RealTable(Placed):
     role: Literal["support", "environment"]
     gloss: GlossTable | None = None
     opening: Annotated[bool, Field(strict=True)] = False
+    removed: Annotated[bool, Field(strict=True)] = False
 
     @model_validator(mode="after")
     def _fits_the_role(self) -> RealTable:
@@ -104,6 +105,8 @@ class RealTable(Placed):
             raise ValueError("gloss is not for an opening, which shows what stands behind it")
         if self.opening and self.role != "environment":
             raise ValueError("opening is for role = 'environment' only")
+        if self.removed and (self.gloss is not None or self.opening or self.rest is not None):
+            raise ValueError("gloss, opening and rest are not for a surface that is removed")
         return self
 
 

@@ -70,7 +70,8 @@ class LightSampling:
         light_tracer: LightTracer | None,
     ) -> None:
         self._place, self._surfaces, self._parameters, self._light_tracer = place, surfaces, parameters, light_tracer
-        self._has_emitters, self._has_relit = has_emitters, FaceKind.RELIT in surfaces.kinds
+        self._has_emitters = has_emitters
+        self._has_relit = not surfaces.kinds.isdisjoint((FaceKind.RELIT, FaceKind.REMOVED))
         self.map_share = map_share(has_emitters)
 
     def weight_samples(self, in_difference: mi.Bool) -> mi.Float:
@@ -304,6 +305,12 @@ class LightSampling:
         """
         ray = shadow_ray(vertex.point, vertex.normal, direction, distance)
         passed = self._transmittance(ray, active)
+        if self._surfaces.has_removed:
+            # What was removed stood in the way before, and does not afterwards.
+            before = dr.select(self._place.unblocked(light, ray, active & inverted), mi.Float(1.0), 0.0)
+            after = passed & self._place.unblocked(light, ray, active & (passed > 0.0), kept=True)
+            after = dr.select(from_map & light.on_relit, 0.0, after)
+            return dr.select(inverted, after - before, after) & active
         share = dr.select(inverted, passed - 1.0, passed)
         if self._has_relit:
             share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)
