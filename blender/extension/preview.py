@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from . import exr
+from .evaluation import unexpected
 from .images import from_rec709
 from .process import RendererError
 from .worker import Busy, render
@@ -159,6 +160,9 @@ class Preview:
                 self._done = number
                 if not self._is_given_up(number):
                     self.tell(str(error))
+            except Exception as error:
+                self._done = number
+                self.tell(unexpected(error))
 
     def _render(self, number: int, command: str, stage: Stage) -> bool:
         """Ask for one picture; whether it was finished."""
