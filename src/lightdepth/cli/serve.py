@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
+
+from lightdepth.cli.options import Device
 
 
 def serve(
     stdio: Annotated[bool, typer.Option("--stdio", help="Talk by standard input and output.")] = False,
-    device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
+    device: Device = "auto",
 ) -> None:
     """Render requests that come as JSON, one a line, and answer with events; see docs/session.md.
 
