@@ -1,6 +1,7 @@
 """In a window, with the mouse and the keyboard: calibrate, ask the renderer, model, undo, render, stop a rendering."""
 
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
