@@ -241,7 +241,7 @@ def preview():
         yield from drawn()
         yield 0.2
         to_world, centre = view.view_matrix.inverted(), ball.matrix_world.translation
-        outline = 0.3 / np.sqrt(
+        outline = 0.3 / math.sqrt(
             1.0 - (0.3 / (to_world.translation - centre).length) ** 2
         )  # of a sphere, seen from near
         x, y = location_3d_to_region_2d(where["region"], view, centre)
