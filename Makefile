@@ -37,9 +37,10 @@ test: lint
 fuzz: install
 	$(BIN)/python -m tests.fuzz
 
-# The statistical tests with twelve seeds, under all instruction sets that this processor has, with one to four threads.
+# The statistical tests with twelve seeds, under all instruction sets that this processor has, with one to four threads. A
+# part of it: make test-machines MACHINES="--share 1/3", or "--targets avx2", or "--runs 2 -- tests/place".
 test-machines: install
-	$(BIN)/python -m tests.machine
+	$(BIN)/python -m tests.machine $(MACHINES)
 
 # Truth and speed; the compared renderers take part where `make bench-peers` installed them.
 bench: install

@@ -9,7 +9,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from . import process
 from .process import COMMAND, Process, RendererError
@@ -198,6 +198,45 @@ class Worker(Process):
 
 
 _kept: Worker | None = None
+_lock = threading.Lock()
+_waiting = 0
+
+
+class Busy:
+    """The renderer for oneself, as a context: it renders one thing after the other, and renderings come before previews.
+
+    Args:
+        given_up: whether to wait no longer for it, asked now and then.
+        preview: give it back when somebody else waits.
+
+    Attributes:
+        mine: whether it was had; false where it was given up before.
+    """
+
+    def __init__(self, given_up: Callable[[], bool], preview: bool = False):
+        self._given_up, self._preview = given_up, preview
+        self.mine = False
+
+    def __enter__(self) -> Self:
+        global _waiting
+        _waiting += not self._preview
+        try:
+            while not self.mine and not self._given_up():
+                if self._preview and _waiting:
+                    time.sleep(LOOK_SECONDS)
+                else:
+                    self.mine = _lock.acquire(timeout=LOOK_SECONDS)
+        finally:
+            _waiting -= not self._preview
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self.mine:
+            _lock.release()
+
+    def is_cancelled(self) -> bool:
+        """Whether what is rendered is to be cancelled."""
+        return self._given_up() or (self._preview and _waiting > 0)
 
 
 def render(

@@ -16,6 +16,8 @@ EXPOSURE = "exposure"
 """Among a frame's facts: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
 CAMERA = "camera"
 """Likewise: the camera's settings without its pose, a JSON object with the keys of the scene file."""
+PLATE_GAIN = "plate_gain"
+"""Likewise, of the camera of a ``[plate]``: by what the light of the panorama was multiplied, per channel."""
 NUMBER = "frame"
 """Likewise: its number, of a frame of a sequence."""
 LARGEST_SHADOW = 65504.0
@@ -27,7 +29,7 @@ class Frame:
     """What a rendering gives. Row 0 is the top; radiance is linear Rec.709.
 
     Attributes:
-        plate: the photograph, resampled for the camera, shape (height, width, 3), float32.
+        plate: the photograph, resampled for the camera or its own, shape (height, width, 3), float32.
         change: what the new objects change on support surfaces, shape (height, width, 3), float32, signed.
         synthetic: radiance of the new objects times their coverage, shape (height, width, 3), float32.
         coverage: share of each pixel that new objects cover, shape (height, width), float32.

@@ -6,25 +6,24 @@ import contextlib
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightdepth.api import DRAFT_SAMPLES, find_camera
+from lightdepth.api import find_camera
 from lightdepth.errors import InputError
 from lightdepth.film.frame import NUMBER
 from lightdepth.film.layers import Structure
 from lightdepth.images.look import Look
 from lightdepth.images.tonemapping import auto_exposure
-from lightdepth.kernel.start import Device, start
+from lightdepth.kernel.start import Device
 from lightdepth.scene.frames import SceneFrames
-from lightdepth.scene.model import CameraView, Scene
+from lightdepth.scene.model import Scene
 from lightdepth.sequence.claims import EXPIRY, claim_beside, now, take
-from lightdepth.sequence.film_motion import needed_instants
-from lightdepth.sequence.fingerprint import FINGERPRINT, State, fingerprint, frame_seed, state_of
-from lightdepth.sequence.motion_blur import MotionBlur
+from lightdepth.sequence.fingerprint import FINGERPRINT, State, fingerprint, state_of
 from lightdepth.sequence.numbering import FrameFiles
+from lightdepth.sequence.shutter import Shutter, frame_job
 from lightdepth.session.displays import Display
 from lightdepth.session.events import Caution, Done, Event, FrameState, Progress, SequenceProgress
 from lightdepth.session.session import Job, Session
@@ -82,6 +81,7 @@ class SequenceRendering:
         self, frames: SceneFrames, wanted: SequenceJob, device: Device, report: Callable[[Event], None]
     ) -> None:
         self._frames, self._wanted, self._device, self._report = frames, wanted, device, report
+        self._shutter = Shutter(frames.sequence, wanted.job, device, self._scene)
         self._rate = frames.sequence.rate
         self._prints: dict[int, str] = {}
         self._cautions: set[str] = set()
@@ -191,42 +191,16 @@ class SequenceRendering:
                 self._wanted.layers,
                 self._rate,
                 self._wanted.structure,
-                *self._motion(number, scene),
+                *self._shutter.motion(number, scene),
             )
         return self._prints[number]
-
-    def _motion(self, number: int, scene: Scene) -> tuple[tuple[float, int] | None, list[tuple[Scene, CameraView]]]:
-        """The shutter, and the scene where it opens and closes: what moves in between begins or ends elsewhere."""
-        sequence, most = self._frames.sequence, self._most_instants(scene)
-        if most == 1:
-            return None, []
-        scenes = [self._scene(number, number + side * sequence.shutter) for side in (-0.5, 0.5)]
-        return (sequence.shutter, most), [(each, find_camera(each, self._wanted.job.camera)) for each in scenes]
-
-    def _instants(self, number: int, scene: Scene) -> int:
-        """Instants of a frame: as many as its motion needs."""
-        _, motion = self._motion(number, scene)
-        if not motion:
-            return 1
-        view = find_camera(scene, self._wanted.job.camera)
-        (opened, opened_view), (closed, closed_view) = motion
-        start(self._device)
-        views = opened_view, view, closed_view
-        return needed_instants((opened, scene, closed), views, self._most_instants(scene))
-
-    def _most_instants(self, scene: Scene) -> int:
-        """No more than a pixel has samples."""
-        sequence, job = self._frames.sequence, self._wanted.job
-        samples = job.samples or (DRAFT_SAMPLES if job.draft else scene.render.samples)
-        return min(sequence.instants, samples) if sequence.shutter > 0.0 else 1
 
     def _scene(self, number: int, instant: float | None = None) -> Scene:
         with _naming(number):
             return self._frames.scene(number if instant is None else instant)
 
     def _job(self, scene: Scene, number: int) -> Job:
-        seed = scene.render.seed if self._wanted.job.seed is None else self._wanted.job.seed
-        return replace(self._wanted.job, seed=frame_seed(seed, number))
+        return frame_job(self._wanted.job, scene, number)
 
     def _display(self, number: int, file: Path) -> Display:
         """What writes a frame's files."""
@@ -238,11 +212,10 @@ class SequenceRendering:
         self._tell(number)
         scene = self._scene(number)
         display = self._display(number, file)
-        instants = self._frames.sequence.opened(number, self._instants(number, scene))
-        blurred = MotionBlur([self._scene(number, instant) for instant in instants], self._job(scene, number))
+        blurred = self._shutter.blurred(number, scene, self._job(scene, number))
         with _naming(number):
             if blurred.moves:
-                blurred.render(display, self._device, lambda event: self._of_frame(number, event))
+                blurred.render([display], self._device, lambda event: self._of_frame(number, event))
                 return True
             session = Session(scene, self._device)
             session.display(display)
