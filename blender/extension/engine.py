@@ -1,4 +1,4 @@
-"""The render engine: F12 and Ctrl-F12 by the renderer's own process, shown while it works."""
+"""The render engine: F12, Ctrl-F12 and the viewport by the renderer's own process, shown while it works."""
 
 import contextlib
 import functools
@@ -15,7 +15,8 @@ from .asking import renderer_command
 from .export import Exported, ExportError, EyeOf, export_scene, options
 from .process import RendererError
 from .properties import show_lines
-from .worker import render
+from .viewport import Viewport
+from .worker import Busy, render
 
 PREVIEW_SECONDS = 2
 
@@ -29,6 +30,21 @@ class LightdepthEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
     bl_use_spherical_stereo = True
+
+    _viewport: Viewport | None = None
+
+    def view_update(self, context, depsgraph):
+        """Take note that something has changed."""
+        self._shown_viewport().scene_changed()
+
+    def view_draw(self, context, depsgraph):
+        """Draw the viewport."""
+        self._shown_viewport().draw(self, context, depsgraph)
+
+    def _shown_viewport(self) -> Viewport:
+        if self._viewport is None:
+            self._viewport = Viewport()
+        return self._viewport
 
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tell the compositor which passes there are."""
@@ -135,8 +151,11 @@ class LightdepthEngine(bpy.types.RenderEngine):
         if exported.frame is not None:
             request["frame"] = exported.frame
         self.update_stats("", "Starting the renderer")
-        with contextlib.closing(render(command, request, stop, self._warn)) as events:
-            self._follow(events, stop, picture, _View(depsgraph, exported, tops))
+        view = _View(depsgraph, exported, tops)
+        with Busy(stop) as busy:
+            if busy.mine:
+                with contextlib.closing(render(command, request, stop, self._warn)) as events:
+                    self._follow(events, stop, picture, view)
 
     def _follow(self, events: Iterator[dict[str, Any]], stop: "_Stop", picture: Path, view: "_View") -> None:
         """Show the renderer's progress until it ends or the person has waited enough."""

@@ -6,7 +6,7 @@ import os
 import shlex
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -34,6 +34,8 @@ MERGED_FROM = 32
 """Instances of one object by one instancer, from which on they are one mesh with one object number."""
 MERGED_TRIANGLES = 20_000_000
 """Most triangles of such a mesh; more instances than that stay apart and share a file."""
+AT_ONCE = 1_000_000
+"""Vertices that are placed at once to find where they are."""
 _RAYS = {
     "visible_camera": "camera",
     "visible_diffuse": "diffuse",
@@ -93,6 +95,8 @@ class Exported:
         notes: what could not be carried, one sentence each.
         objects: the file's synthetic objects, in its order.
         frame: number of the frame with motion blur; ``None`` where there is none.
+        document: the file's tables.
+        origin: of the file in Blender's world, shape (3,).
     """
 
     path: Path
@@ -100,6 +104,24 @@ class Exported:
     notes: list[str]
     objects: list[Carried]
     frame: int | None
+    document: dict[str, Any]
+    origin: np.ndarray
+
+    def text(self) -> str:
+        """The scene file's text."""
+        head = ""
+        if self.origin.any():
+            head = "# Its origin is at {:g}, {:g}, {:g} of Blender's world.\n".format(*self.origin)
+        return head + toml.dumps(self.document)
+
+    def seen(self, table: dict[str, Any]) -> str:
+        """Its text with a single camera, ``view``.
+
+        Args:
+            table: of the camera, in Blender's world.
+        """
+        table = table | {"position": [float(a - b) for a, b in zip(table["position"], self.origin, strict=True)]}
+        return replace(self, document=self.document | {"camera": {"view": table}}).text()
 
 
 @dataclass
@@ -144,10 +166,15 @@ class _Look:
         """Of all that its file is made of."""
         return digest_of(self.triangles, self.slots, self.surfaces, self.shapes)
 
-    def bounds(self, place: np.ndarray) -> np.ndarray:
-        """Smallest and largest coordinates of its vertices at a place, shape (2, 3)."""
-        points = self.triangles.positions @ place[:3, :3].T + place[:3, 3]
-        return np.array([points.min(axis=0), points.max(axis=0)])
+    def bounds(self, places: np.ndarray) -> np.ndarray:
+        """Smallest and largest coordinates of its vertices at places of shape (k, 4, 4), shape (k, 2, 3)."""
+        found = np.empty((len(places), 2, 3))
+        step = max(AT_ONCE // max(len(self.triangles.positions), 1), 1)
+        for start in range(0, len(places), step):
+            some = places[start : start + step]
+            points = np.einsum("kij,nj->kni", some[:, :3, :3], self.triangles.positions) + some[:, None, :3, 3]
+            found[start : start + step, 0], found[start : start + step, 1] = points.min(axis=1), points.max(axis=1)
+        return found
 
 
 @dataclass(frozen=True)
@@ -181,9 +208,21 @@ class _Writer:
     groups: dict[tuple, _Group] = field(default_factory=dict)
     surfaces: dict[int, materials.Surface] = field(default_factory=dict)
     written: dict[tuple, _File] = field(default_factory=dict)
+    alike: dict[tuple, _Group | None] = field(default_factory=dict)
+    last: _Group | None = None
     bounds: list[np.ndarray] = field(default_factory=list)
     seen: set[int] = field(default_factory=set)
     counts: defaultdict[str, int] = field(default_factory=lambda: defaultdict(int))
+
+    @cached_property
+    def suns(self) -> "_Suns":
+        """Those that are marked real."""
+        return _Suns(self.folder, self.origin)
+
+    @cached_property
+    def in_layer(self) -> set[str]:
+        """Names of the view layer's objects, which Blender would search one by one for each."""
+        return {item.name for item in self.depsgraph.view_layer.objects}
 
     def note(self, *sentences: str) -> None:
         self.notes |= dict.fromkeys(sentences)
@@ -204,19 +243,34 @@ class _Writer:
         """A matrix relative to the scene file's origin."""
         return Matrix.Translation(-self.origin) @ to_world
 
-    def add(self, item, to_world: Matrix, by_instancing: bool, instance: Instance) -> None:
-        """Add what an evaluated object, or an instance of one, is to the renderer."""
+    def add(self, item, to_world: np.ndarray, by_instancing: bool, instance: Instance) -> None:
+        """Add what an evaluated object, or an instance of one, is to the renderer; its matrix may be changed."""
+        if by_instancing and item.type == "MESH":  # of many that are alike only the first is looked at
+            key = (item.as_pointer(), item.data.as_pointer(), instance[1])
+            group = self.alike.get(key)
+            if group is None:
+                self._add(item, to_world, by_instancing, instance)
+                if item.lightdepth.role not in roles.REAL:
+                    self.alike[key] = self.last
+            else:
+                self._place(group, item, to_world, instance)
+        else:
+            self._add(item, to_world, by_instancing, instance)
+
+    def _add(self, item, to_world: np.ndarray, by_instancing: bool, instance: Instance) -> None:
         if item.type == "LIGHT":
             self._note_light_linking(item)
-            if not item.lightdepth.real_light:
-                self._add_lamp(item, self.local(to_world))
+            if item.lightdepth.real_light:
+                self.suns.add(item, to_world)
+            else:
+                self._add_lamp(item, self.local(Matrix(to_world.tolist())))
         elif item.type == "MESH":
             if item.as_pointer() not in self.seen:
                 self.seen.add(item.as_pointer())
                 self._note_light_linking(item)
                 self._note_settings(item)
             if item.lightdepth.role in roles.REAL:
-                self._add_real(item, to_world)
+                self._add_real(item, Matrix(to_world.tolist()))
             else:
                 self._add_synthetic(item, to_world, by_instancing, instance)
         elif item.type not in WITHOUT_LOOK | WITH_SURFACE and not by_instancing:
@@ -257,7 +311,7 @@ class _Writer:
         if item.is_shadow_catcher:
             self.note(f"Object '{item.name}': is no shadow catcher here; give real surfaces the role support")
         original, layer = item.original, self.depsgraph.view_layer
-        if original.name in layer.objects:
+        if original.name in self.in_layer:
             if original.holdout_get(view_layer=layer):
                 self.note(f"Object '{item.name}': holdout is not carried; it is rendered as it looks")
             if original.indirect_only_get(view_layer=layer):
@@ -291,15 +345,20 @@ class _Writer:
         if key not in self.looks:
             self.looks[key] = self._look(item, worn, override, instance)
         if self.looks[key] is None:
+            self.last = None
             return
         # What an instancer makes is gathered; objects stay by themselves.
         place = (key, *instance[:2]) if by_instancing else (key, item.name, "", len(self.groups))
         if place not in self.groups:
             self.groups[place] = _Group(_source(item), key, by_instancing)
-        matrix = np.array(to_world, np.float64)
-        matrix[:3, 3] -= self.origin
-        self.groups[place].places.append(matrix)
-        self.groups[place].ways.append(None if self.motion is None else self.motion.ways(instance, matrix, item))
+        self.last = self.groups[place]
+        self._place(self.last, item, to_world, instance)
+
+    def _place(self, group: _Group | None, item, to_world: np.ndarray, instance: Instance) -> None:
+        if group is not None:  # or it has no faces
+            to_world[:3, 3] -= self.origin
+            group.places.append(to_world)
+            group.ways.append(None if self.motion is None else self.motion.ways(instance, to_world, item))
 
     def _look(self, item, worn, override, instance: Instance) -> _Look | None:
         mesh = item.to_mesh()
@@ -341,7 +400,7 @@ class _Writer:
             look = self.looks[group.key]
             if not any(surface.visible for surface in look.surfaces):
                 continue
-            bounds = np.array([look.bounds(place) for place in group.places])
+            bounds = look.bounds(np.array(group.places))
             outside = closed & ((bounds[:, 1] < low) | (bounds[:, 0] > high)).any(axis=1)
             if outside.any():
                 count = f"{outside.sum()} of its instances are" if outside.sum() < len(outside) else "is"
@@ -402,7 +461,9 @@ class _Writer:
             ways: of each place while the shutter is open, or ``None``.
         """
         moves = ways is not None and any(way is not None for way in ways)
-        key = look.digest if places is None else digest_of(look.digest, places, ways if moves else None)
+        key = look.digest
+        if places is not None:
+            key = digest_of(look.digest, np.array(places), ways if moves else None)
         made = self.files.found(key)
         if made is None:
             triangles = look.triangles if places is None else meshes.repeated(look.triangles, np.array(places))
@@ -531,16 +592,37 @@ def scene_lights(depsgraph, folder: Path, origin: np.ndarray) -> tuple[list[dict
     Returns:
         The tables, and notes on what cannot be carried.
     """
-    tables, notes, names = [], [], set()
-    for item, to_world, _, _ in instances(depsgraph):
+    found = _Suns(folder, origin)
+    for item, to_world, _, _ in instances(depsgraph, numbered=False):
         if item.type == "LIGHT" and item.lightdepth.real_light:
-            name = next(name for name in _numbered(item.name) if name not in names)
-            table, said = suns.sun_table(name, item, to_world, folder, origin)
-            notes += said
-            if table is not None:
-                names.add(name)
-                tables.append(table)
-    return tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth), notes
+            found.add(item, to_world)
+    return found.tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth), found.notes
+
+
+@dataclass
+class _Suns:
+    """Tables of suns that are marked real.
+
+    Attributes:
+        folder: of the scene file.
+        origin: of the scene file in Blender's world, shape (3,).
+        tables: one for each sun.
+        notes: what of them cannot be carried.
+    """
+
+    folder: Path
+    origin: np.ndarray
+    tables: list[dict[str, Any]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, item, to_world: np.ndarray) -> None:
+        """Add an evaluated lamp with its matrix."""
+        names = {table["name"] for table in self.tables}
+        name = next(name for name in _numbered(item.name) if name not in names)
+        table, said = suns.sun_table(name, item, Matrix(to_world.tolist()), self.folder, self.origin)
+        self.notes += said
+        if table is not None:
+            self.tables.append(table)
 
 
 def _numbered(name: str) -> Iterator[str]:
@@ -560,8 +642,9 @@ def export_scene(
     every_camera: bool = True,
     eye_of: EyeOf | None = None,
     set_frame: SetFrame | None = None,
+    with_cameras: bool = True,
 ) -> Exported:
-    """Write the scene of a depsgraph that was made for rendering. Nothing of Blender's data is changed.
+    """Write the scene of a depsgraph. Nothing of Blender's data is changed.
 
     Args:
         depsgraph: the evaluated scene.
@@ -570,6 +653,7 @@ def export_scene(
         every_camera: write all cameras that can be carried, not the active one alone.
         eye_of: of the active camera, where it is one of several.
         set_frame: evaluates the scene at another time, for motion blur; ``None`` writes it as it stands.
+        with_cameras: write cameras at all.
 
     Raises:
         ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
@@ -588,7 +672,7 @@ def export_scene(
     if moves is not None:
         document["sequence"] = moves.shutter.table()
     try:
-        for item, to_world, by_instancing, instance in instances(depsgraph):
+        for item, to_world, by_instancing, instance in instances(depsgraph, numbered=moves is not None):
             writer.add(item, to_world, by_instancing, instance)
         if not writer.real:
             raise ExportError(
@@ -597,22 +681,21 @@ def export_scene(
         writer.write_synthetic(closed=not scene.lightdepth.sky)
     finally:
         graph.forget_pictures()
-    tables, said = _camera_tables(depsgraph, origin, every_camera, eye_of)
+    tables, said = _camera_tables(depsgraph, origin, every_camera, eye_of) if with_cameras else ({}, [])
     writer.note(*said)
     if moves is not None:
         tables = {name: moves.with_keys(name, table) for name, table in tables.items()}
-    light_tables, said = scene_lights(depsgraph, writer.folder, writer.origin)
-    writer.note(*said)
+    writer.note(*writer.suns.notes)
+    light_tables = writer.suns.tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth)
     document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
     document["render"] = _render_table(scene.lightdepth)
-    temporary = path.with_name(f".{path.name}.part")
-    head = ""
-    if writer.origin.any():
-        head = "# Its origin is at {:g}, {:g}, {:g} of Blender's world.\n".format(*writer.origin)
-    temporary.write_text(head + toml.dumps(document), encoding="utf-8")
-    os.replace(temporary, path)
     active = scene.camera.name if scene.camera is not None and scene.camera.name in tables else None
-    return Exported(path, active, list(writer.notes), writer.objects, None if moves is None else moves.shutter.frame)
+    frame = None if moves is None else moves.shutter.frame
+    exported = Exported(path, active, list(writer.notes), writer.objects, frame, document, origin)
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(exported.text(), encoding="utf-8")
+    os.replace(temporary, path)
+    return exported
 
 
 def _motion(

@@ -66,7 +66,7 @@ def shutter_of(scene) -> tuple[Shutter | None, list[str]]:
     if not render.use_motion_blur or render.motion_blur_shutter < _EPSILON:
         return None, []
     notes = []
-    if scene.cycles.rolling_shutter_type != "NONE":
+    if cycles(scene, "rolling_shutter_type", "NONE") != "NONE":
         notes.append("Rolling shutter is not carried; the whole picture is exposed at once")
     curve = render.motion_blur_shutter_curve
     curve.initialize()
@@ -74,10 +74,19 @@ def shutter_of(scene) -> tuple[Shutter | None, list[str]]:
         notes.append("The shutter's curve is not carried; it opens and closes at once")
     now, open_for = scene.frame_current + scene.frame_subframe, render.motion_blur_shutter
     opens = now + {"START": 0.0, "CENTER": -0.5, "END": -1.0}[render.motion_blur_position] * open_for
-    steps = 2 ** max((item.cycles.motion_steps for item in scene.objects if item.cycles.use_motion_blur), default=1)
+    steps = 2 ** max((_steps(item) for item in scene.objects), default=1)
     times = tuple(opens + open_for * step / steps for step in range(steps + 1))
     rate = render.fps / render.fps_base
     return Shutter(max(scene.frame_current, 1), min(open_for, 1.0), rate, now, times), notes
+
+
+def cycles(owner, name: str, default: Any) -> Any:
+    """A setting that Blender has for Cycles, or a default where Cycles is switched off."""
+    return getattr(getattr(owner, "cycles", None), name, default)
+
+
+def _steps(item) -> int:
+    return cycles(item, "motion_steps", 1) if cycles(item, "use_motion_blur", True) else 1
 
 
 @dataclass
@@ -104,7 +113,7 @@ class Motion:
             place: its matrix at the frame.
             item: its object.
         """
-        if not item.cycles.use_motion_blur:
+        if not cycles(item, "use_motion_blur", True):
             return None
         found = [places.get(instance) for places in self.places]
         if any(each is None for each in found):  # comes or goes
@@ -174,13 +183,34 @@ def _alike(values: list[Any]) -> bool:
     return all(np.allclose(value, values[0], rtol=_EPSILON, atol=_EPSILON) for value in values[1:])
 
 
-def instances(depsgraph) -> Iterator[tuple[Any, Matrix, bool, Instance]]:
-    """Objects that are rendered and what they make instances of: object, matrix, whether it is an instance, which."""
-    for each in depsgraph.object_instances:
-        if each.show_self:
-            parent = each.parent.name if each.is_instance and each.parent is not None else ""
-            number = tuple(each.persistent_id) if each.is_instance else ()
-            yield each.object, each.matrix_world.copy(), each.is_instance, (each.object.name, parent, number)
+def instances(depsgraph, numbered: bool = True) -> Iterator[tuple[Any, np.ndarray, bool, Instance]]:
+    """Objects that are rendered and what they make instances of: object, matrix, whether it is an instance, which.
+
+    The viewport's objects are there as far as renderings have them.
+
+    Args:
+        depsgraph: the evaluated scene.
+        numbered: tell instances of one instancer from each other by their numbers; it takes time.
+
+    Yields:
+        The matrix has the shape (4, 4), float64, and is not used again.
+    """
+    viewport = depsgraph.mode == "VIEWPORT"
+    found = depsgraph.object_instances
+    matrices = np.empty(16 * len(found), np.float32)
+    found.foreach_get("matrix_world", matrices)  # one by one Blender makes an object of each
+    matrices = matrices.reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
+    shown, made = np.empty(len(matrices), bool), np.empty(len(matrices), bool)
+    found.foreach_get("show_self", shown)
+    found.foreach_get("is_instance", made)
+    for each, to_world, is_shown, is_made in zip(found, matrices, shown.tolist(), made.tolist(), strict=True):
+        if not is_shown:
+            continue
+        item, parent = each.object, each.parent if is_made else None
+        if viewport and (item.hide_render or (parent is not None and parent.hide_render)):
+            continue
+        number = tuple(each.persistent_id) if numbered and is_made else ()
+        yield item, to_world, is_made, (item.name, "" if parent is None else parent.name, number)
 
 
 def observed(
@@ -209,9 +239,8 @@ def observed(
             for item, to_world, _, instance in instances(depsgraph):
                 if item.type != "MESH" or item.lightdepth.role in roles.REAL:
                     continue
-                place = np.array(to_world, np.float64)
-                place[:3, 3] -= origin
-                places[instance] = place
+                to_world[:3, 3] -= origin
+                places[instance] = to_world
                 if _may_deform(item, depsgraph.scene):
                     pointer = item.data.as_pointer()
                     if pointer not in known:
@@ -231,7 +260,7 @@ def _set(set_frame: SetFrame, time: float) -> None:
 
 
 def _may_deform(item, scene) -> bool:
-    if not (item.cycles.use_motion_blur and item.cycles.use_deform_motion):
+    if not (cycles(item, "use_motion_blur", True) and cycles(item, "use_deform_motion", True)):
         return False
     original = item.original
     made = any(modifier.type in REMADE and modifier.show_render for modifier in original.modifiers)

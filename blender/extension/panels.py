@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import bpy
 
-from . import calibration, checking, export, modelling, panorama, reallights, rest, roles, viewpoints
+from . import calibration, cameraimport, checking, export, modelling, panorama, reallights, rest, roles, viewpoints
 from .cameras import panoramic
 from .evaluation import ENGINE
 from .passes import MATTES
@@ -152,6 +152,7 @@ class ShootingPanel(_Sidebar, bpy.types.Panel):
         column.label(text="New camera at the capture point")
         for kind, name, _, icon, _ in viewpoints.ITEMS:
             column.operator(viewpoints.AddCamera.bl_idname, text=name, icon=icon).kind = kind
+        layout.operator(cameraimport.ImportCameras.bl_idname, icon="IMPORT")
         layout.prop(context.scene, "camera")
         layout.operator("render.render", text="Render Image", icon="RENDER_STILL")
         layout.operator(export.ExportScene.bl_idname, icon="EXPORT")
@@ -297,7 +298,10 @@ class ObjectMotionBlurPanel(_Rendering, bpy.types.Panel):
     @classmethod
     def poll(cls, context):
         """The object can be blurred, the engine is lightdepth."""
-        return super().poll(context) and context.object is not None and context.object.type in export.WITH_SURFACE
+        item = context.object
+        return (
+            super().poll(context) and item is not None and item.type in export.WITH_SURFACE and hasattr(item, "cycles")
+        )
 
     def draw_header(self, context):
         self.layout.prop(context.object.cycles, "use_motion_blur", text="")
@@ -348,6 +352,11 @@ class PanoramicLensPanel(_Rendering, bpy.types.Panel):
         layout, camera = self.layout, context.camera
         settings = panoramic(camera)
         layout.use_property_split = True
+        layout.prop(camera.lightdepth, "projection")
+        if camera.lightdepth.projection != "CAMERA":
+            if camera.lightdepth.projection == "VR180":
+                layout.prop(camera.stereo, "interocular_distance")
+            return
         layout.prop(settings, "panorama_type")
         if settings.panorama_type == "FISHEYE_EQUIDISTANT":
             layout.prop(settings, "fisheye_fov")
@@ -355,6 +364,26 @@ class PanoramicLensPanel(_Rendering, bpy.types.Panel):
             layout.prop(settings, "fisheye_lens")
             layout.prop(settings, "fisheye_fov")
             layout.prop(camera, "sensor_width")
+
+
+class DistortionPanel(_Rendering, bpy.types.Panel):
+    """What a perspective lens distorts."""
+
+    bl_idname = "LIGHTDEPTH_PT_distortion"
+    bl_label = "Lens Distortion"
+    bl_context = "data"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        """The data is a perspective camera, the engine lightdepth."""
+        return super().poll(context) and context.camera is not None and context.camera.type == "PERSP"
+
+    def draw(self, context):
+        layout, settings = self.layout, context.camera.lightdepth
+        layout.use_property_split = True
+        for index, name in enumerate(("k1", "k2")):
+            layout.prop(settings, "distortion", index=index, text=name)
 
 
 classes = (
@@ -371,6 +400,7 @@ classes = (
     ObjectMotionBlurPanel,
     LayerPanel,
     PanoramicLensPanel,
+    DistortionPanel,
 )
 
 _OTHERS = (

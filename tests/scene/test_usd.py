@@ -32,7 +32,7 @@ CORNERS = np.array([[0, 0, 0], [2, 0, 0], [2, 0, 1], [0, 0, 1]], float)
 def usd(tmp_path):
     def write(text, axis="Z", unit=1, name="thing.usda"):
         path = tmp_path / name
-        path.write_text(HEAD.format(axis=axis, unit=unit) + text)
+        path.write_text(HEAD.format(axis=axis, unit=unit) + text, errors="surrogateescape")
         return path
 
     return write
@@ -245,18 +245,23 @@ def test_instances_are_where_their_instancer_puts_them(usd):
         f"""def PointInstancer "many" {{
     double3 xformOp:translate = (0, 10, 0)
     uniform token[] xformOpOrder = ["xformOp:translate"]
-    rel prototypes = </many/quad>
+    rel prototypes = </shape/quad>
     int[] protoIndices = [0, 0]
     point3f[] positions = [(1, 0, 0), (-4, 0, 2)]
+}}
+class "shape" {{
     def Mesh "quad" {{ {QUAD} }}
+}}
+def Mesh "nothing" {{
 }}
 def Scope "unseen" {{
     token visibility = "invisible"
     def Mesh "quad" {{ {QUAD} }}
 }}"""
     )
-    found = [part.mesh.vertices for part in read_mesh_file(path, with_materials=True)]
-    np.testing.assert_allclose(found, [CORNERS + [1, 10, 0], CORNERS + [-4, 10, 2]])
+    for with_materials in (True, False):
+        found = [part.mesh.vertices for part in read_mesh_file(path, with_materials)]
+        np.testing.assert_allclose(found, [CORNERS + [1, 10, 0], CORNERS + [-4, 10, 2]])
 
 
 def test_a_camera_of_a_file_is_the_scenes(usd, tmp_path):
@@ -287,7 +292,8 @@ def test_a_camera_of_a_file_is_the_scenes(usd, tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("not a layer {", "is not a readable USD file"),
+        ("not a layer {", "is not a readable USD file: line 7"),
+        ("def \udcff", "is not a readable USD file"),
         ('def Sphere "ball" {}', "/ball is a Sphere; only meshes are read"),
         ('def "x" (references = @nowhere.usda@) {}', "names the layer .*nowhere.usda, which does not exist"),
         (f'def Mesh "quad" {{ {QUAD.replace("2, 3]", "2, 9]")} }}', "/quad: a face names point 9, but there are 4"),

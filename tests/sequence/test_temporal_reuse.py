@@ -70,8 +70,10 @@ def sampled(position, relative, kind="perspective", scene="", noise=0.0, seed=0,
         synthetic=np.zeros_like(plate),
         coverage=none,
         alpha=none + 1,
+        object_id=none.astype(np.uint32),
         depth=depth.astype(np.float32),
         normal=np.broadcast_to(np.float32([0, 0, 1]), plate.shape).astype(np.float16),
+        albedo=np.ones(plate.shape, np.float16),
         support=support,
         variance=(np.square(noise * plate)).astype(np.float32),
         samples=np.full(which.shape, count, np.uint32),
@@ -122,18 +124,51 @@ def test_noise_and_its_estimate_fall_with_the_frames():
     assert one.metadata["error"] == "0.1"
 
 
-def test_what_depends_on_the_camera_is_left_as_it_is():
-    """Gloss, objects, sky: bit for bit, and they give nothing to others."""
-    frames = [
-        sampled(at, lambda points, which: 0.0 * points[..., 0] - 0.3, noise=0.2, seed=i) for i, at in enumerate(path())
-    ]
-    frames = [
-        replace(each, frame=replace(each.frame, support=each.frame.support & (np.arange(64) < 32))) for each in frames
-    ]
+def test_what_no_other_frame_may_know_is_left_as_it_is():
+    """Gloss, rims, sky: bit for bit, and they give nothing to others."""
+    frames = [sampled(at, even, noise=0.2, seed=i) for i, at in enumerate(path())]
+    left = np.arange(64) < 32
+    frames = [replace(each, frame=replace(each.frame, support=each.frame.support & left)) for each in frames]
     one, many = frames[2].frame, shared(frames, 2)
     assert many.change[:, 32:].tobytes() == one.change[:, 32:].tobytes()
     assert many.variance[:, 32:].tobytes() == one.variance[:, 32:].tobytes()
     assert (many.change[24, :31] != one.change[24, :31]).any(axis=1).all()
+
+
+@pytest.mark.parametrize("mirrors", [False, True])
+def test_an_object_at_rest(mirrors):
+    """A textured tabletop that is new: matte, it has the samples of all; a mirror in which stripes run, its own."""
+
+    def radiance(i, points, view):
+        stripes = np.sign(np.sin(30 * points[..., 0] - 8 * view.position[0] * 20))
+        return 0.5 + (0.4 * stripes if mirrors else 0.0 * stripes)
+
+    frames, true = [], []
+    for i, at in enumerate(path(7, 0.03)):
+        each = sampled(at, even, noise=0.1, seed=i)
+        view, points, _, which = seen_from(at)
+        table = which == 2
+        albedo = (0.5 + 0.3 * np.sin(20 * points)).astype(np.float16)
+        noise = 0.1 * np.random.default_rng(i + 50).standard_normal(which.shape)
+        true.append(radiance(i, points, view))
+        light = np.where(table, true[-1] + noise, 0.0)[..., None] * albedo
+        frame = replace(
+            each.frame,
+            change=each.frame.change * ~table[..., None],
+            synthetic=light.astype(np.float32),
+            coverage=table.astype(np.float32),
+            object_id=table.astype(np.uint32),
+            albedo=albedo,
+            support=which == 1,
+            variance=np.where(table[..., None], np.square(0.1 * albedo), each.frame.variance).astype(np.float32),
+        )
+        frames.append(replace(each, frame=frame))
+    one, many = frames[3].frame, shared(frames, 3)
+    table = one.object_id > 0
+    alone, together = (np.square((f.synthetic / f.albedo).mean(axis=2) - true[3])[table].mean() for f in (one, many))
+    assert together <= (1.0 if mirrors else 0.2) * alone
+    assert not many.change[table].any()
+    assert not many.synthetic[~table].any()
 
 
 @pytest.mark.parametrize("step", [0.08, 0.02])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -78,6 +77,8 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
 
 def _film(camera: CameraView) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rays through a grid on the film, world: origins and unit directions, shapes (n, 3)."""
+    import mitsuba as mi
+
     width, height = camera.resolution
     rows = max(1, round(COLUMNS * height / width))
     x, y = np.meshgrid((np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(rows) + 0.5) / rows)

@@ -9,13 +9,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats.qmc import Sobol
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.cryptomatte import Mattes
 from lightdepth.kernel.arrays import aligned, aligned_columns
 from lightdepth.kernel.row_bands import Band, bands
+from lightdepth.kernel.sobol import sobol_points
 from lightdepth.kernel.tracing import first_hit
 from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.preparation import Prepared
@@ -124,7 +124,7 @@ def _coverage(
     pixels, shapes = [inner], [shape.reshape(-1)[inner].astype(np.uint32) - 1]
     shares = [np.ones(len(inner), np.float32)]
     # In the pixel and on the lens; each coordinate takes all of its strata.
-    points = Sobol(4, scramble=False).random(edge_samples) + 0.5 / edge_samples
+    points = sobol_points(edge_samples, 4) + 0.5 / edge_samples
     stratified = [mi.Float(aligned(part)) for part in points.T]
     edges = np.flatnonzero(edge).astype(np.uint32)
     for first in range(0, len(edges), EDGES_AT_ONCE):

@@ -8,13 +8,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats.qmc import Sobol
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.highlights import Highlights
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.sobol import sobol_points
 from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.place.feather import mask_feather
 from lightdepth.place.place import Place
@@ -123,7 +123,7 @@ def _resampled(
     if blurred:
         fewest, most = parameters.fewest_lens_points, parameters.most_lens_points
         count = fewest if draft else _lens_points(view, place, fewest, most)
-        points = Sobol(4, rng=0).random(count)
+        points = sobol_points(count, 4, seed=0)
     highlights = Highlights(place, len(points), draft, parameters) if Highlights.move(view, place) else None
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)

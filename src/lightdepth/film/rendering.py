@@ -245,6 +245,8 @@ class Rendering:
             frame.photograph = None if self._own is not None else render_shares(self._view, self._prepared.place)
             owners = [index for index, _ in self._prepared.shapes]
             frame.object_id = seen.mattes.dominant(frame.coverage.size, owners).reshape(frame.coverage.shape)
+        if finish:
+            dr.flush_malloc_cache()  # To write a large image takes memory as well.
         return frame
 
     def origin(self, samples: int) -> Origin:

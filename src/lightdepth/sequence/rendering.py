@@ -244,13 +244,19 @@ class SequenceRendering:
             self._tell(number, event.fraction)
 
     def _tell(self, frame: int | None, share: float = 0.0) -> None:
-        total = self._total
+        total, left, made = self._work(share)
         seconds = time.monotonic() - self._began
-        made = self._done - self._done_before + share
-        left = total - self._done - share
         remaining = 0.0 if left <= 0.0 else round(seconds / made * left, 1) if made > 0.0 else None
-        fraction = round((self._done + share) / total, 5)
-        self._report(SequenceProgress(frame, total, self._done, self._elsewhere, fraction, remaining))
+        fraction = round(1.0 - left / total, 5)
+        self._report(SequenceProgress(frame, self._total, self._done, self._elsewhere, fraction, remaining))
+
+    def _work(self, share: float) -> tuple[float, float, float]:
+        """The work of all frames, what is left of it, and what was done since the beginning, in frames.
+
+        Args:
+            share: of the one at work that is done.
+        """
+        return self._total, self._total - self._done - share, self._done - self._done_before + share
 
 
 class _FrameDisplay:

@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 FOLDER = "samples"
 """Beside the frames, where their samples are."""
-NEEDED = ("depth", "normal", "support", "variance", "samples")
+NEEDED = ("depth", "normal", "albedo", "object_id", "support", "variance", "samples")
 """Layers of other frames that a frame needs."""
-PIXELS_KEPT = 1 << 23
+PIXELS_KEPT = 1 << 22
 """Of all frames together that are kept in memory."""
 
 
@@ -62,6 +62,10 @@ class SampledFrames(SequenceRendering):
     def file(self, number: int) -> Path:  # noqa: D102
         frame = super().file(number)
         return frame.parent / FOLDER / f"{frame.stem}.npz"
+
+    def missing(self, numbers: Sequence[int]) -> list[int]:
+        """Those of some frames whose samples are not there as they would be rendered now."""
+        return [number for number in numbers if not self._is_there(number)]
 
     def fingerprint(self, numbers: Sequence[int]) -> str:
         """Digest of all that decides the samples of some frames."""

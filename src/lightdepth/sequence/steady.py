@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from lightdepth.errors import InputError
@@ -41,6 +41,7 @@ class SteadyRendering(SequenceRendering):
         super().__init__(frames, wanted, device, report)
         self._samples = SampledFrames(frames, wanted, reach, device, self._of_samples)
         self._at: int | None = None
+        self._needed, self._missing, self._made = 1, 0, 0
 
     def _print(self, number: int) -> str:
         if number not in self._prints:
@@ -80,9 +81,23 @@ class SteadyRendering(SequenceRendering):
         self._report(Picture(str(file), finished=True))
         return True
 
+    def _pending(self, numbers: Sequence[int]) -> list[int]:
+        pending = super()._pending(numbers)
+        needed = sorted({each for number in pending for each in self._samples.around(number)})
+        self._needed = max(len(needed), 1)
+        self._missing, self._made = len(self._samples.missing(needed)), 0
+        return pending
+
+    def _work(self, share: float) -> tuple[float, float, float]:
+        """Nearly all of it are the samples, and the first frame needs those of several."""
+        made = self._made + share
+        return self._needed, max(self._missing - made, 0.0), made
+
     def _of_samples(self, event: Event) -> None:
         """Pass on an event of the samples' rendering; how far it is counts for the frame that needs them."""
-        if isinstance(event, SequenceProgress):
-            self._tell(self._at, event.fraction)
-        elif not isinstance(event, FrameState | Picture):
+        if isinstance(event, FrameState):
+            self._made += event.state in ("rendered", "delivered")
+        elif isinstance(event, SequenceProgress):
+            self._tell(self._at, max(event.fraction * event.total - event.done, 0.0))
+        elif not isinstance(event, Picture):
             self._report(event)

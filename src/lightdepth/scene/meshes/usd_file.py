@@ -45,10 +45,10 @@ class UsdFile:
             self.stage = Usd.Stage.Open(str(path))
             self.stage.Reload()  # Layers that are still in memory may have changed on disk.
             _, _, unresolved = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(path)))
+            self.to_scene = self._axes_and_unit()
+            self._first, self._last = self._range()
         if absent := sorted(name for name in unresolved if name.lower().endswith(LAYERS)):
             raise InputError(f"{path}: names the layer {absent[0]}, which does not exist or cannot be read")
-        self.to_scene = self._axes_and_unit()
-        self._first, self._last = self._range()
 
     @contextmanager
     def reporting(self) -> Iterator[None]:
@@ -56,8 +56,8 @@ class UsdFile:
         delegate = UsdUtils.CoalescingDiagnosticDelegate()
         try:
             yield
-        except Tf.ErrorException as error:
-            place = next(iter(_PLACE.findall(str(error))), None)
+        except (RuntimeError, UnicodeDecodeError) as error:  # Of USD, or what it says of a damaged file is no text.
+            place = next(iter(_PLACE.findall(_text(error))), None)
             where = "it is damaged, or something else" if place is None else f"line {place} is not what can stand there"
             raise InputError(f"{self.path}: is not a readable USD file: {where}") from error
         finally:
@@ -65,7 +65,7 @@ class UsdFile:
             del delegate
         for report in reports:
             if isinstance(report, Tf.Warning):
-                self.note(f"USD reports: {_line(report.commentary)}")
+                self.note(f"USD reports: {_text(report)[:LONGEST_MESSAGE]}")
 
     def time(self, animation: str | None, seconds: float, loop: bool) -> Usd.TimeCode:
         """The time code at a time of the animation.
@@ -139,6 +139,10 @@ class UsdFile:
         return min(ends), max(ends)
 
 
-def _line(text: str) -> str:
-    """The first line of a report, not too long."""
-    return " ".join(text.split())[:LONGEST_MESSAGE]
+def _text(report: Tf.Warning | Exception) -> str:
+    """What USD says, in one line."""
+    try:
+        said = str(report) if isinstance(report, Exception) else str(report.commentary)
+    except UnicodeDecodeError:  # It quotes what a damaged file holds.
+        return "it is damaged"
+    return " ".join(said.split())

@@ -139,7 +139,7 @@ class UsdMesh:
 
     def _corner_normals(self, mesh: UsdGeom.Mesh) -> NDArray[np.float64] | None:
         """Normals at all corners, shape (n, 3); ``None`` for flat faces."""
-        if mesh.GetSubdivisionSchemeAttr().Get(self._time) != _TOKENS.none:
+        if mesh.GetSubdivisionSchemeAttr().Get(self._time) not in (_TOKENS.none, _TOKENS.bilinear):
             if len(self._sizes):
                 self._note(
                     f"{self._prim.GetPath()} is a subdivision surface; its control mesh is shown, smoothly shaded"

@@ -71,7 +71,8 @@ class _Moment:
 
     def _below(self, root: Usd.Prim, within_instancer: bool = False) -> Iterator[MeshPart]:
         """Parts of a prim and of all below it, in the stage's space."""
-        prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies()))
+        wanted = Usd.PrimIsActive & Usd.PrimIsLoaded if within_instancer else Usd.PrimDefaultPredicate
+        prims = iter(Usd.PrimRange(root, Usd.TraverseInstanceProxies(wanted)))  # Prototypes may be classes.
         for prim in prims:
             imageable = UsdGeom.Imageable(prim)
             if not imageable:
@@ -109,7 +110,9 @@ class _Moment:
         world = _matrix(self._places.GetLocalToWorldTransform(prim if pose is None else pose.space))
         materials = self._materials
         if materials is None:
-            yield MeshPart(transformed(mesh.mesh(None, mesh.default_uv()), world))
+            shape = transformed(mesh.mesh(None, mesh.default_uv()), world)
+            if len(shape.faces):
+                yield MeshPart(shape)
             return
         for material, faces in mesh.materials():
             uv = materials.uv_set(material) or mesh.default_uv()
