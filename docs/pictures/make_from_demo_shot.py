@@ -12,7 +12,7 @@ from pathlib import Path
 from PIL import Image
 
 HERE = Path(__file__).parent
-SIZE = (480, 270)
+SIZE = (560, 315)
 MILLISECONDS = 42
 """Of a frame: 24 of them are a second."""
 
@@ -31,7 +31,7 @@ def main() -> None:
         append_images=others,
         duration=MILLISECONDS,
         loop=0,
-        quality=55,
+        quality=85,
         method=6,
     )
 
