@@ -124,16 +124,16 @@ def _fit(points: NDArray[np.float64], tolerance: float = 2.5) -> tuple[Circle, f
     rng = np.random.default_rng(0)
     best = np.zeros(len(points), dtype=bool)
     for _ in range(300):
-        circle = _through(points[rng.choice(len(points), 3, replace=False)])
+        circle = circle_through(points[rng.choice(len(points), 3, replace=False)])
         on_it = _distance(points, circle) < tolerance
         if on_it.sum() > best.sum():
             best = on_it
     if best.sum() < 3:
         return Circle(0.0, 0.0, 1.0), 0.0
-    return _through(points[best]), float(best.mean())
+    return circle_through(points[best]), float(best.mean())
 
 
-def _through(points: NDArray[np.float64]) -> Circle:
+def circle_through(points: NDArray[np.float64]) -> Circle:
     """Least-squares circle (Kasa's): ``x^2 + y^2 = 2 x x0 + 2 y y0 + k``."""
     system = np.column_stack([2.0 * points, np.ones(len(points))])
     x, y, k = np.linalg.lstsq(system, (points**2).sum(axis=1), rcond=None)[0]

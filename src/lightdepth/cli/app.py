@@ -18,6 +18,7 @@ from lightdepth.cli.check import check
 from lightdepth.cli.doctor import doctor
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.merge import merge
+from lightdepth.cli.mirror_ball import mirror_ball
 from lightdepth.cli.new import new
 from lightdepth.cli.preview import preview
 from lightdepth.cli.reconstruct import app as reconstruct
@@ -56,6 +57,7 @@ def _options(
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
 app.command()(new)
+capture.app.command("mirror-ball")(mirror_ball)
 app.add_typer(capture.app, name="capture")
 app.command()(preview)
 app.command()(calibrate)
