@@ -36,12 +36,6 @@ def write(path, radiance):
     return path
 
 
-def soft_place():
-    """A panorama that a ball of this size can show: without what is finer than two degrees."""
-    place = room_panorama(256)
-    return place
-
-
 @pytest.fixture(scope="module")
 def place():
     return room_panorama(128)

@@ -1,4 +1,4 @@
-"""Photographs of a chrome ball (and a grey one) in the textured room, path-traced, and the panorama at the ball's centre."""
+"""Photographs of a chrome ball: path-traced in the textured room, or computed in a box that carries a known picture."""
 
 from __future__ import annotations
 
@@ -90,7 +90,10 @@ class Box:
         if np.isfinite(self.half):
             directions = origins + directions * self.distance(origins, directions)[..., None]
             directions = directions / np.linalg.norm(directions, axis=-1, keepdims=True)
-        light = look_up(self.panorama, directions)
+        # OpenCV's maps have at most 32767 entries a side.
+        flat = directions.reshape(-1, 3)
+        parts = [look_up(self.panorama, flat[start : start + 30000, None]) for start in range(0, len(flat), 30000)]
+        light = np.concatenate(parts).reshape(directions.shape)
         inside = directions @ np.array(self.sun_direction) > np.cos(np.radians(self.sun_radius))
         return light + self.sun * inside[..., None]
 

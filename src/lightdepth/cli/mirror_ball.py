@@ -42,7 +42,7 @@ def mirror_ball(
     ] = None,
     reflectance: Annotated[
         str | None,
-        typer.Option(help="Of the ball, seen head-on: one number or red,green,blue. 0.55, chromium, by default."),
+        typer.Option(help="Of the ball, seen head-on: one number or red,green,blue. By default chromium's 0.55."),
     ] = None,
     turn: Annotated[
         list[float] | None,
@@ -140,10 +140,9 @@ def mirror_ball(
     with shown_progress() as progress:
         shoot, pictures = read_balls(photographs, options, progress)
         given = _per_photograph(circle, len(pictures), "--circle")
-        if turn is not None and len(turn) != len(pictures) - 1:
-            raise InputError(
-                f"--turn is given {len(turn)} times; there are {len(pictures) - 1} photographs after the first"
-            )
+        further = len(pictures) - 1
+        if turn is not None and len(turn) != further:
+            raise InputError(f"--turn is given {len(turn)} times; there are {further} photographs after the first")
         optics = _optics(shoot, pictures[0].radiance.shape, fov, distance, ball_diameter)
         balls = []
         for index, (each, outline) in enumerate(zip(pictures, given, strict=True)):
@@ -219,8 +218,8 @@ def _optics(
         focal_length = shoot.exposure.focal_length_35mm if shoot.exposure else None
         if focal_length is None:
             raise InputError(
-                f"{shoot.orientations[0].name}: the field of view is not in the EXIF data; state it as --fov DEGREES (across "
-                "the photograph's width), or --distance and --ball-diameter in metres"
+                f"{shoot.orientations[0].name}: the field of view is not in the EXIF data; state it as --fov DEGREES "
+                "(across the photograph's width), or --distance and --ball-diameter in metres"
             )
         fov = horizontal_fov(focal_length, width, height)
     return Optics(focal_length=0.5 * width / math.tan(math.radians(0.5 * fov)))
@@ -281,7 +280,7 @@ def _write_lights(path: Path, panorama: Path, lights: list[dict[str, Any]]) -> N
     if not path.exists():
         image = Path(os.path.relpath(panorama.resolve(), path.resolve().parent)).as_posix()
         path.write_text(f'[panorama]\nimage = "{image}"\n')
-    table = read_toml(path).get("panorama", {})
+    table = read_toml(path)[1].get("panorama", {})
     scale = table.get("scale", 1.0) if isinstance(table, dict) else 1.0
     factor = float(scale) if isinstance(scale, int | float) else 1.0
     for number, light in enumerate(lights, start=1):

@@ -16,7 +16,10 @@ from lightdepth.errors import InputError
 
 SEARCHED = 640
 """Pixels of the longer side in which circles are searched."""
-CANDIDATES = 8
+CANDIDATES = 16
+"""Circles from each of two searches, of which"""
+FITTED = 4
+"""are fitted."""
 SMALLEST = 0.03
 """Radius of the smallest ball that is searched, as share of the photograph's longer side."""
 CAP = 0.25
@@ -64,15 +67,19 @@ def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics) -> BallV
     """
     height, width = radiance.shape[:2]
     tones = _tones(radiance)
-    best: tuple[float, BallView] | None = None
+    promising: list[tuple[float, BallView]] = []
     for circle in _candidates(tones):
         try:
             view = optics.view(name, width, height, circle)
         except InputError:
             continue
+        promising.append((_edge_strength(tones, view, 0.06), view))
+    promising.sort(key=lambda each: -each[0])
+    best: tuple[float, BallView] | None = None
+    for _, view in promising[:FITTED]:
         for step in (0.06, 0.02):
             view = _fitted(tones, view, optics, name, step)
-        rating = float(np.nanmean(np.abs(_steps(tones, view, 0.015)).clip(0.0, CAP)))
+        rating = _edge_strength(tones, view, 0.015)
         if best is None or rating > best[0]:
             best = rating, view
     if best is None or _edge_share(tones, best[1]) < LEAST_SHARE:
@@ -163,8 +170,7 @@ def _fitted(tones: NDArray[np.float32], view: BallView, optics: Optics, name: st
             there = moved(change)
         except InputError:
             return 0.0
-        steps = _steps(tones, there, 0.5 * step)
-        return -float(np.mean(np.where(np.isfinite(steps), np.abs(steps), 0.0).clip(0.0, CAP)))
+        return -_edge_strength(tones, there, 0.5 * step)
 
     start = np.concatenate([np.zeros((1, 3)), 0.7 * np.eye(3)])
     found = minimize(cost, np.zeros(3), method="Nelder-Mead", options={"initial_simplex": start, "xatol": 0.01,
@@ -232,6 +238,11 @@ def _steps(tones: NDArray[np.float32], view: BallView, width: float, scale: floa
         parts = [_look(tones, *view.outline(scale + side * part * width)) for part in (0.5, 1.0)]
         sides.append(0.5 * (parts[0] + parts[1]))
     return np.asarray(sides[1] - sides[0])
+
+
+def _edge_strength(tones: NDArray[np.float32], view: BallView, width: float) -> float:
+    """Mean step along the outline; there is none outside the photograph."""
+    return float(np.mean(np.nan_to_num(np.abs(_steps(tones, view, width))).clip(0.0, CAP)))
 
 
 def _edge_share(tones: NDArray[np.float32], view: BallView) -> float:
