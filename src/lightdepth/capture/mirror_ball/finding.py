@@ -25,13 +25,16 @@ SMALLEST = 0.03
 CAP = 0.25
 """Step of the logarithm of radiance from which on an edge is as good as any: one lamp is no outline."""
 LEAST_EDGE = 0.03
-"""Step that counts as an edge of the outline, if it also is the largest one nearby."""
-LEAST_SHARE = 0.45
+"""Step that counts as an edge of the outline, if there is a lesser one just outside."""
+LEAST_SHARE = 0.65
 """Share of the outline that must be an edge."""
+AT_OUTLINE = 0.3
+"""Share of the step to the outermost pixels that is done at the outline: a half if the ball were evenly bright, less as
+what it mirrors becomes like its background there."""
 BESIDE = 3.5
 """Pixels on both sides of the outline that are looked at for its last fraction of a pixel."""
-NEARBY = 0.06
-"""Share of the radius in which the outline's edge must be the largest."""
+BEYOND = 2.5
+"""Widths of a step outside the outline, at which the photograph is compared with it."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +57,8 @@ class Optics:
 def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics) -> BallView:
     """Find the ball's outline.
 
-    Circles that edges suggest are rated by how much of their outline is an edge, wherever else the picture, and what the
-    ball mirrors, has stronger ones; the best one is fitted to the pixel's fraction.
+    Circles that edges suggest are rated by how much of their outline is an edge, compared with what is
+    just outside; the best one is fitted to a fraction of a pixel.
 
     Args:
         name: of the photograph, for messages.
@@ -179,7 +182,7 @@ def _fitted(tones: NDArray[np.float32], view: BallView, optics: Optics, name: st
 
 
 def _sharpened(radiance: NDArray[np.float32], view: BallView, optics: Optics, name: str) -> BallView:
-    """The outline to a fraction of a pixel: where, coming from outside, half of the step to the outermost pixels is done.
+    """The outline to a fraction of a pixel: where, coming from outside, a part of the step to the outermost pixels is done.
 
     What the ball mirrors becomes like its background toward the outline, so that the steepest step lies within it.
     """
@@ -193,13 +196,13 @@ def _sharpened(radiance: NDArray[np.float32], view: BallView, optics: Optics, na
     with np.errstate(divide="ignore", invalid="ignore"):
         share = (profile - outside) / step
     clear = np.isfinite(share).all(axis=1) & (np.abs(step) > LEAST_EDGE * (inside + outside))[:, 0]
-    after = np.argmax(share >= 0.5, axis=1)
-    clear &= (share.max(axis=1, initial=0.0) >= 0.5) & (after > 0)
+    after = np.argmax(share >= AT_OUTLINE, axis=1)
+    clear &= (share.max(axis=1, initial=0.0) > AT_OUTLINE) & (after > 0)
     rows = np.flatnonzero(clear)
     if len(rows) < 0.2 * len(clear):
         return view
     last, first = share[rows, after[rows]], share[rows, after[rows] - 1]
-    position = reach[after[rows]] + 0.25 * (last - 0.5) / np.maximum(last - first, 1e-9)
+    position = reach[after[rows]] + 0.25 * (last - AT_OUTLINE) / np.maximum(last - first, 1e-9)
     x, y = _at(view, 1.0 + pixel * position, rows)
     kept = np.ones(len(rows), bool)
     for _ in range(4):
@@ -241,17 +244,23 @@ def _steps(tones: NDArray[np.float32], view: BallView, width: float, scale: floa
 
 
 def _edge_strength(tones: NDArray[np.float32], view: BallView, width: float) -> float:
-    """Mean step along the outline; there is none outside the photograph."""
-    return float(np.mean(np.nan_to_num(np.abs(_steps(tones, view, width))).clip(0.0, CAP)))
+    """Mean step along the outline less that just outside it; there is none outside the photograph.
+
+    A ball shows all of its place, so that it is full of edges itself; what is around it is calmer.
+    """
+    width = max(width, 1.0 / view.circle().radius)
+    here, beyond = (
+        float(np.mean(np.nan_to_num(np.abs(_steps(tones, view, width, scale))).clip(0.0, CAP)))
+        for scale in (1.0, 1.0 + BEYOND * width)
+    )
+    return here - beyond
 
 
 def _edge_share(tones: NDArray[np.float32], view: BallView) -> float:
-    """Share of the outline at which the tones step, more than a little beside it."""
-    width = 0.012
-    here = np.abs(_steps(tones, view, width))
-    beside = [np.abs(_steps(tones, view, width, scale)) for scale in (1.0 - NEARBY, 1.0 + NEARBY)]
-    edge = (here > LEAST_EDGE) & (here > np.nan_to_num(beside[0])) & (here > np.nan_to_num(beside[1]))
-    return float(np.mean(edge))
+    """Share of the outline at which the tones step, much more than just outside."""
+    width = max(0.012, 1.5 / view.circle().radius)
+    here, beyond = (np.nan_to_num(np.abs(_steps(tones, view, width, scale))) for scale in (1.0, 1.0 + BEYOND * width))
+    return float(np.mean((here > LEAST_EDGE) & (here > 1.5 * beyond)))
 
 
 def _look(tones: NDArray[np.float32], x: FloatArray, y: FloatArray) -> FloatArray:
