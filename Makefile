@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: install demo test lint fuzz bench bench-peers extension extension-repository blender-setup lock clean
+.PHONY: install demo test lint fuzz test-machines bench bench-peers extension extension-repository blender-setup lock clean
 
 install: $(STAMP)
 
@@ -30,6 +30,10 @@ test: lint
 # Ten thousand damaged files of every format; the suite tries a few hundred.
 fuzz: install
 	$(BIN)/python -m tests.fuzz
+
+# The statistical tests with twelve seeds, under all instruction sets that this processor has, with one to four threads.
+test-machines: install
+	$(BIN)/python -m tests.machine
 
 # Truth and speed; the compared renderers take part where `make bench-peers` installed them.
 bench: install

@@ -1,4 +1,4 @@
-"""The benchmark's command line: ``python -m bench``, ``python -m bench truth`` and ``python -m bench cost``."""
+"""The benchmark's command line: ``python -m bench`` and its parts ``truth``, ``cost`` and ``gloss``."""
 
 from __future__ import annotations
 
@@ -53,6 +53,14 @@ def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> N
 
 
 @app.command()
+def captures(quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False) -> None:
+    """One, two and three captures of the L-shaped room, and a camera that travels through it."""
+    from bench.captures import captures as measure
+
+    _print_table(measure(quick, console))
+
+
+@app.command()
 def truth(
     scene: Annotated[Path, typer.Option(help="A Mitsuba scene file, for example living-room/scene_patched.xml.")],
     capture: Annotated[str, typer.Option(help="Capture point X,Y,Z in the scene's own units and axes.")],
@@ -75,6 +83,39 @@ def truth(
     keep(table)
     _print_table(table)
     console.print(f"truth and the methods, top to bottom: {RESULTS / table['picture']}", highlight=False, markup=False)
+
+
+@app.command()
+def gloss(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> None:
+    """A polished floor from a camera elsewhere, with and without its gloss; print the errors."""
+    from bench.gloss import table
+
+    _print_table(table(quick, console))
+
+
+@app.command()
+def suns() -> None:
+    """Rooms whose sun the capture point does not see: bias with the sun declared, recovered and missing, and its cost."""
+    from bench.missing_light import keep
+    from bench.suns import EFFORT
+    from bench.suns import suns as measure_suns
+
+    tables = measure_suns(EFFORT, console)
+    keep("suns", tables)
+    for table in tables:
+        _print_table(table)
+
+
+@app.command()
+def clipped() -> None:
+    """Panoramas clipped on purpose: the sun that is recovered, and the depth of its shadows."""
+    from bench.clipped import clipped as measure_clipped
+    from bench.missing_light import keep
+
+    tables = measure_clipped(console)
+    keep("clipped", tables)
+    for table in tables:
+        _print_table(table)
 
 
 def _print_table(table: dict[str, Any]) -> None:

@@ -18,6 +18,7 @@ import trimesh
 from rich.console import Console
 
 import lightdepth
+from bench.after_sampling import after_sampling
 from bench.methods.job import MAX_BOUNCES
 from bench.places import lamp_and_window
 from bench.places.objects import Matte
@@ -40,7 +41,11 @@ def cost(quick: bool, console: Console) -> dict[str, Any]:
         ("Number of objects", _object_counts),
         ("Triangles of one object", _triangles),
         ("Seconds from starting Python to a draft of the demo, and to another one", _starts),
-        ("Seconds (of processor) from a scene in memory to one sample of every pixel, demo, 640x400", preparation),
+        (
+            "Seconds (of processor) from a scene in memory to one sample of every pixel, and denoised, demo, 640x400",
+            preparation,
+        ),
+        ("Seconds of processor after sampling, demo, 24 samples", after_sampling),
         ("Memory and time of an 8192x4096 panorama in and out", _large),
     ):
         console.print(f"cost: {title}", highlight=False, markup=False)

@@ -213,7 +213,7 @@ def _without_hidden_support(scene: Scene) -> Scene:
     view = look_around(scene)
 
     def declared(surface: RealSurface) -> RealSurface:
-        too_hidden = any(problem.severity is Severity.ERROR for problem in support_problems(surface, view))
+        too_hidden = any(problem.severity is Severity.ERROR for problem in support_problems(surface, [view]))
         return replace(surface, role=Role.ENVIRONMENT) if too_hidden else surface
 
     return replace(scene, real=tuple(map(declared, scene.real)))

@@ -17,7 +17,7 @@ from typing import Any
 ROOT = Path(__file__).parents[1]
 WIDTH, HEIGHT = 640, 400
 MOVES = 3
-STAGES = ("check", "prepare", "plate and pixels", "first sample of every pixel")
+STAGES = ("check", "prepare", "plate and pixels", "first sample of every pixel", "layers and denoising")
 
 SESSION = """
 import json, sys, time
@@ -29,6 +29,7 @@ from lightdepth.scene.model import AnalyticShape
 
 start("cpu")
 import lightdepth.checks, lightdepth.preparation
+from lightdepth.film.denoising import denoise
 from lightdepth.film.rendering import Rendering
 
 def moved(scene, by):
@@ -58,6 +59,7 @@ for move in range(1 + int(sys.argv[3])):
     prepared = timed(lambda: api._prepare(now, "difference", True))
     rendering = timed(lambda: Rendering(now, prepared, view, "difference", 0))
     timed(lambda: list(rendering.run(1)))
+    timed(lambda: denoise(rendering.frame()))
     rows.append(costs)
 print(json.dumps(rows))
 """

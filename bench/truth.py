@@ -282,6 +282,8 @@ def _key(place: Place, posed: CameraView, samples: int, seed: int, objects: bool
     seen = place if objects else place.empty()
     surfaces = tuple((part.mesh.vertices, part.mesh.faces, part.color, part.radiance) for part in seen.parts)
     sun = () if seen.outside_sun is None else (seen.outside_sun,)
+    finishes = tuple(part.finish for part in seen.parts if part.finish is not None)
+    sun += (finishes,) if finishes else ()
     return content_hash(CACHE_FORMAT, MAX_DEPTH, surfaces, seen.objects, seen.sky, *sun, posed, samples, seed, *more)
 
 

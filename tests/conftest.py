@@ -8,11 +8,14 @@ from pathlib import Path
 import pytest
 
 from lightdepth.cli.app import main
+from tests import machine
 
 # Tests prepare their places themselves, and leave nothing behind; those of the cache name a folder of their own.
 os.environ["LIGHTDEPTH_CACHE"] = "off"
 
 ROOT = Path(__file__).parents[1]
+MACHINE = pytest.StashKey[str]()
+"""What `tests.machine` has changed."""
 PROGRAMS = {
     "hugin": lambda: shutil.which("cpfind") is not None,
     "blender": lambda: bool(os.environ.get("LIGHTDEPTH_BPY")) or any(ROOT.glob(".venv-bpy*/bin/python")),
@@ -21,11 +24,16 @@ PROGRAMS = {
 
 
 def pytest_configure(config):
-    """Fail, rather than skip, where a program that LIGHTDEPTH_REQUIRE names is missing."""
+    """Be the machine that the environment names; fail, not skip, without a program that LIGHTDEPTH_REQUIRE names."""
+    config.stash[MACHINE] = machine.apply()
     required = [name for name in os.environ.get("LIGHTDEPTH_REQUIRE", "").split(",") if name]
     missing = [name for name in required if not PROGRAMS.get(name, lambda: False)()]
     if missing:
         pytest.exit(f"LIGHTDEPTH_REQUIRE names {', '.join(missing)}, which is not installed", returncode=1)
+
+
+def pytest_report_header(config):
+    return config.stash[MACHINE] or None
 
 
 @pytest.fixture(scope="session")

@@ -22,10 +22,11 @@ def scene_of(shot: Shot) -> Scene:
         panorama=Panorama(
             shot.panorama, shot.capture, euler_rotation(shot.place.rotation), sky=shot.place.sky is not None
         ),
-        real=tuple(RealSurface(part.name, part.mesh, part.role) for part in shot.modelled),
+        real=tuple(RealSurface(part.name, part.mesh, part.role, opening=part.opening) for part in shot.modelled),
         synthetic=shot.place.objects,
         cameras={"shot": shot.view},
         render=RenderSettings(max_bounces=MAX_BOUNCES),
+        lights=() if shot.place.outside_sun is None else (shot.place.outside_sun.declared(),),
     )
 
 

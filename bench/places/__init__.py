@@ -6,7 +6,8 @@ from bench.places.barred_windows import barred_windows
 from bench.places.court import court
 from bench.places.l_shaped_room import l_shaped_room
 from bench.places.lamp_and_window import lamp_and_window
-from bench.places.place import Part, Place
+from bench.places.place import Finish, Part, Place
+from bench.places.polished_room import polished_room
 from bench.places.sun import Sun
 from bench.places.sunlit_room import sunlit_room
 
@@ -21,6 +22,7 @@ PLACES: dict[str, Callable[..., Place]] = {
 
 __all__ = [
     "PLACES",
+    "Finish",
     "Part",
     "Place",
     "Sun",
@@ -28,5 +30,6 @@ __all__ = [
     "court",
     "l_shaped_room",
     "lamp_and_window",
+    "polished_room",
     "sunlit_room",
 ]

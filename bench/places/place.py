@@ -6,12 +6,47 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.places.objects import Color, Point, rgb
 from bench.places.sun import Sun, sun_disc
 from lightdepth.cameras import Equirectangular, Perspective
 from lightdepth.directions import euler_rotation, look_at_rotation
-from lightdepth.scene.model import AnalyticShape, CameraView, Mesh, Panorama, RealSurface, Role, Scene, SyntheticObject
+from lightdepth.scene.model import (
+    AnalyticShape,
+    CameraView,
+    Gloss,
+    Mesh,
+    Panorama,
+    RealSurface,
+    Role,
+    Scene,
+    SyntheticObject,
+)
+
+
+@dataclass(frozen=True)
+class Finish:
+    """What a real surface looks like that is not of one matte colour: Mitsuba's ``principled``.
+
+    Attributes:
+        albedo: along the mesh's texture coordinates, linear, shape (h, w, 3), float32.
+        gloss: its specular lobe; ``None`` for none.
+    """
+
+    albedo: NDArray[np.float32]
+    gloss: Gloss | None = None
+
+    def mitsuba(self) -> dict[str, Any]:
+        """The BSDF as Mitsuba's dictionary; Mitsuba must have been started."""
+        import mitsuba as mi
+
+        texture = {"type": "bitmap", "bitmap": mi.Bitmap(self.albedo), "raw": True, "filter_type": "nearest"}
+        if self.gloss is None:
+            return {"type": "diffuse", "reflectance": texture}
+        # From outside alone: a two-sided one would also be seen from below.
+        specular = {"roughness": self.gloss.roughness, "specular": self.gloss.specular}
+        return {"type": "principled", "base_color": texture, **specular}
 
 
 @dataclass(frozen=True)
@@ -25,6 +60,7 @@ class Part:
         radiance: what it emits per channel; ``None`` for all but lamps.
         role: what the user declares it.
         opening: a window pane that sends its own radiance and lets the sun in.
+        finish: texture and gloss, in place of ``color``.
     """
 
     name: str
@@ -33,6 +69,7 @@ class Part:
     radiance: Color | None = None
     role: Role = Role.SUPPORT
     opening: bool = False
+    finish: Finish | None = None
 
 
 @dataclass(frozen=True)
@@ -73,7 +110,8 @@ class Place:
 
         entries: dict[str, Any] = {"type": "scene"}
         for index, part in enumerate(self.parts):
-            plugins: dict[str, Any] = {"bsdf": {"type": "diffuse", "reflectance": rgb(part.color)}}
+            bsdf = {"type": "diffuse", "reflectance": rgb(part.color)} if part.finish is None else part.finish.mitsuba()
+            plugins: dict[str, Any] = {"bsdf": bsdf}
             if part.radiance is not None:
                 plugins["emitter"] = {"type": "area", "radiance": rgb(part.radiance)}
             entries[f"real_{index}"] = mesh_shape(part.mesh, **loaded(plugins))

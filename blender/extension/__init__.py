@@ -17,6 +17,7 @@ from . import (
     preferences,
     process,
     properties,
+    reallights,
     rest,
     roles,
     viewpoints,
@@ -33,6 +34,7 @@ _MODULES = (
     viewpoints,
     export,
     checking,
+    reallights,
     engine,
     panels,
 )

@@ -1,6 +1,7 @@
 """The scene as Blender renders it, written as a scene file and its meshes: for F12 and for the command line alike."""
 
 import hashlib
+import itertools
 import math
 import os
 import re
@@ -16,7 +17,7 @@ import numpy as np
 from bpy_extras.io_utils import ExportHelper
 from mathutils import Matrix
 
-from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, toml
+from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, suns, toml
 from .evaluation import EvaluationError, unexpected, with_render_depsgraph
 from .picking import capture_pose
 from .properties import show_lines
@@ -149,7 +150,8 @@ class _Writer:
         """Add what an evaluated object, or an instance of one, is to the renderer."""
         if item.type == "LIGHT":
             self._note_light_linking(item)
-            self._add_lamp(item, self.local(to_world))
+            if not item.lightdepth.real_light:
+                self._add_lamp(item, self.local(to_world))
         elif item.type == "MESH":
             if item.as_pointer() not in self.seen:
                 self.seen.add(item.as_pointer())
@@ -215,7 +217,10 @@ class _Writer:
             item.to_mesh_clear()
         settings = item.lightdepth
         table = {"name": name, "mesh": self.relative(path), "role": settings.role.lower()}
-        if settings.use_gloss and settings.role == roles.SUPPORT:
+        opening = settings.opening and settings.role == roles.ENVIRONMENT
+        if opening:
+            table["opening"] = True
+        if settings.use_gloss and settings.role in roles.REAL and not opening:
             table["gloss"] = {"roughness": settings.roughness, "specular": settings.specular}
         self.real.append(table)
 
@@ -409,6 +414,34 @@ def _render_table(settings) -> dict[str, Any]:
     return table | ({"noise": settings.noise} if settings.use_noise else {})
 
 
+def scene_lights(depsgraph, folder: Path, origin: np.ndarray) -> tuple[list[dict[str, Any]], list[str]]:
+    """The ``[[light]]`` tables of a scene: suns that are marked real, and clipped sources.
+
+    Args:
+        depsgraph: the evaluated scene.
+        folder: of the scene file.
+        origin: of the scene file in Blender's world, shape (3,).
+
+    Returns:
+        The tables, and notes on what cannot be carried.
+    """
+    tables, notes, names = [], [], set()
+    for item, to_world, _, _ in _instances(depsgraph):
+        if item.type == "LIGHT" and item.lightdepth.real_light:
+            name = next(name for name in _numbered(item.name) if name not in names)
+            table, said = suns.sun_table(name, item, to_world, folder, origin)
+            notes += said
+            if table is not None:
+                names.add(name)
+                tables.append(table)
+    return tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth), notes
+
+
+def _numbered(name: str) -> Iterator[str]:
+    yield name
+    yield from (f"{name} {index}" for index in itertools.count(1))
+
+
 def _origin(scene) -> np.ndarray:
     """The scene file's origin in Blender's world, shape (3,): near the capture point, and zero if that is near."""
     return np.round(np.array(capture_pose(scene.lightdepth).translation) / FAR) * FAR + 0.0
@@ -443,7 +476,9 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool 
     if scene.render.use_motion_blur:
         writer.note("Motion blur is not carried")
     tables = _camera_tables(scene, writer, every_camera)
-    document |= {"real": writer.real, "synthetic": writer.synthetic, "camera": tables}
+    light_tables, said = scene_lights(depsgraph, writer.folder, writer.origin)
+    writer.note(*said)
+    document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
     document["render"] = _render_table(scene.lightdepth)
     temporary = path.with_name(f".{path.name}.part")
     head = ""

@@ -35,17 +35,22 @@ def emitters(name: str, light, to_world: Matrix) -> tuple[list[dict[str, Any]], 
     """
     if light.cycles.is_portal:  # shows Cycles where light comes from and gives none
         return [], []
-    factor, notes = _shader(name, light)
-    if not light.use_shadow:
-        notes.append(f"Light '{name}': it casts shadows, though they are switched off")
-    if any(getattr(light, share, 1.0) != 1.0 for share in SHARES):
-        notes.append(f"Light '{name}': its shares for diffuse, specular, transmission and volume are not carried")
-    colour = [max(0.0, float(a * b)) for a, b in zip(_colour(light), factor, strict=True)]
+    colour, notes = strength(name, light)
     if max(colour) <= 0.0:
         return [], notes
     make = {"POINT": _point, "AREA": _area, "SPOT": _spot, "SUN": _sun}[light.type]
     tables, more = make(name, light, to_world, colour)
     return tables, notes + more
+
+
+def strength(name: str, light) -> tuple[list[float], list[str]]:
+    """Colour times power of a lamp and its nodes, in watts per channel, or watts per square metre of a sun; and notes."""
+    factor, notes = _shader(name, light)
+    if not light.use_shadow:
+        notes.append(f"Light '{name}': it casts shadows, though they are switched off")
+    if any(getattr(light, share, 1.0) != 1.0 for share in SHARES):
+        notes.append(f"Light '{name}': its shares for diffuse, specular, transmission and volume are not carried")
+    return [max(0.0, float(a * b)) for a, b in zip(_colour(light), factor, strict=True)], notes
 
 
 def _shader(name: str, light) -> tuple[np.ndarray, list[str]]:
@@ -87,7 +92,7 @@ def _emitter(colour, factor) -> dict[str, Any]:
     return {"type": "principled", "base_color": [0.0, 0.0, 0.0], "opacity": 0.0, "emission": radiance}
 
 
-def _normalized(light) -> bool:
+def normalized(light) -> bool:
     """Whether the power is the lamp's own, whatever its size (always so before 4.5)."""
     return getattr(light, "normalize", True)
 
@@ -101,7 +106,7 @@ def _radius(name, light) -> tuple[float, list[str]]:
 
 def _sphere_radiance(light, radius) -> float:
     """Radiance of a sphere for each watt."""
-    return 1.0 / (4.0 * math.pi**2 * radius**2) if _normalized(light) else 1.0 / math.pi
+    return 1.0 / (4.0 * math.pi**2 * radius**2) if normalized(light) else 1.0 / math.pi
 
 
 def _point(name, light, to_world, colour):
@@ -128,7 +133,7 @@ def _area(name, light, to_world, colour):
     area = width * depth * (math.pi / 4.0 if round_shape else 1.0)
     table = _facing_down(name, "disk" if round_shape else "rectangle", to_world, (0.5 * width, 0.5 * depth, 1.0))
     return [
-        table | {"material": _emitter(colour, 1.0 / (math.pi * area) if _normalized(light) else 1.0 / math.pi)}
+        table | {"material": _emitter(colour, 1.0 / (math.pi * area) if normalized(light) else 1.0 / math.pi)}
     ], notes
 
 
@@ -183,5 +188,5 @@ def _sun(name, light, to_world, colour):
     turn = to_world.to_quaternion().to_matrix().to_4x4()  # where a sun's lamp stands means nothing
     away = Matrix.Translation(turn @ Vector((0.0, 0.0, SUN_DISTANCE)))
     table = _facing_down(name, "disk", away @ turn, (radius, radius, 1.0))
-    radiance = 1.0 / (math.pi * math.sin(half) ** 2) if _normalized(light) else 1.0
+    radiance = 1.0 / (math.pi * math.sin(half) ** 2) if normalized(light) else 1.0
     return [table | {"material": _emitter(colour, radiance)}], notes

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import bpy
 
-from . import calibration, checking, export, modelling, panorama, rest, roles, viewpoints
+from . import calibration, checking, export, modelling, panorama, reallights, rest, roles, viewpoints
 from .cameras import panoramic
 from .evaluation import ENGINE
 
@@ -107,6 +107,34 @@ class PlacePanel(_Sidebar, bpy.types.Panel):
         _notes(layout, settings.check_notes, context)
 
 
+class LightPanel(_Sidebar, bpy.types.Panel):
+    """Light of the real place that the photograph lacks."""
+
+    bl_idname = "LIGHTDEPTH_PT_light"
+    bl_label = "Missing Light"
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.lightdepth
+        layout.use_property_split = True
+        column = layout.column(align=True)
+        column.operator(reallights.RecoverSun.bl_idname, icon="LIGHT_SUN")
+        column.operator(reallights.RecoverClipped.bl_idname, icon="LIGHT")
+        for index, entry in enumerate(settings.clipped):
+            box = layout.box()
+            row = box.row()
+            row.prop(entry, "use", text="")
+            row.prop(entry, "name", text="")
+            row.operator(reallights.RemoveClipped.bl_idname, text="", icon="X").index = index
+            column = box.column()
+            column.active = entry.use
+            for name in ("pixel", "radiance", "diameter"):
+                column.prop(entry, name)
+        column = layout.column(align=True)
+        column.operator(reallights.ImportLights.bl_idname, icon="IMPORT")
+        column.operator(reallights.WriteLights.bl_idname, icon="EXPORT")
+        _notes(layout, settings.light_notes, context)
+
+
 class ShootingPanel(_Sidebar, bpy.types.Panel):
     """Cameras, and the ways to a picture: F12 and the command line."""
 
@@ -163,17 +191,44 @@ class ObjectPanel(bpy.types.Panel):
         layout, settings = self.layout, context.object.lightdepth
         layout.use_property_split = True
         layout.prop(settings, "role", expand=True)
-        if settings.role == roles.SUPPORT:
+        if settings.role in roles.REAL:
             layout.prop(settings, "use_gloss")
             column = layout.column()
             column.active = settings.use_gloss
             column.prop(settings, "roughness")
             column.prop(settings, "specular")
+        if settings.role == roles.ENVIRONMENT:
+            layout.prop(settings, "opening")
         if settings.role in roles.REAL and context.object.type == "MESH":
             stored = panorama.REST in context.object.data.attributes
             layout.label(
                 text="Rest positions stored" if stored else "No rest positions", icon="PINNED" if stored else "UNPINNED"
             )
+
+
+class RealLightPanel(bpy.types.Panel):
+    """Whether a sun belongs to the photographed place."""
+
+    bl_idname = "LIGHTDEPTH_PT_real_light"
+    bl_label = "lightdepth"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        """The object is a sun."""
+        return context.object is not None and context.object.type == "LIGHT" and context.object.data.type == "SUN"
+
+    def draw(self, context):
+        layout, settings = self.layout, context.object.lightdepth
+        layout.use_property_split = True
+        layout.prop(settings, "real_light")
+        column = layout.column()
+        column.active = settings.real_light
+        column.prop(settings, "mask")
+        if settings.mask:
+            column.prop(settings, "mask_extent")
 
 
 class _Rendering:
@@ -242,8 +297,10 @@ classes = (
     CalibrationPanel,
     ImageCalibrationPanel,
     PlacePanel,
+    LightPanel,
     ShootingPanel,
     ObjectPanel,
+    RealLightPanel,
     RenderPanel,
     PanoramicLensPanel,
 )

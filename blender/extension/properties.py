@@ -1,5 +1,7 @@
 """What a .blend file keeps: the settings of scenes and of objects."""
 
+import math
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -43,6 +45,28 @@ class PanoramaPoint(bpy.types.PropertyGroup):
 
     u: FloatProperty(name="u", min=0.0, max=1.0)
     v: FloatProperty(name="v", min=0.0, max=1.0)
+
+
+class ClippedSource(bpy.types.PropertyGroup):
+    """A source that the panorama clipped, and what it really sends; ``name`` is its own."""
+
+    use: BoolProperty(name="Use", description="Whether the source gives this light", default=True)
+    pixel: FloatVectorProperty(
+        name="Pixel",
+        description="A place in the source, in the panorama's pixels from the upper left",
+        size=2,
+        min=0.0,
+    )
+    radiance: FloatVectorProperty(
+        name="Radiance", description="What it really sends, linear Rec.709, in the panorama's unit", size=3, min=0.0
+    )
+    diameter: FloatProperty(
+        name="Diameter",
+        description="Of a disc around the pixel that has this radiance; 0 for all that is as bright and joined to it",
+        min=0.0,
+        max=math.radians(30.0),
+        subtype="ANGLE",
+    )
 
 
 class SceneSettings(bpy.types.PropertyGroup):
@@ -99,6 +123,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Share of directions that hit something or are sky; -1: not checked", default=-1.0
     )
     check_notes: CollectionProperty(type=Line)
+    clipped: CollectionProperty(type=ClippedSource, description="Sources that the panorama clipped")
+    light_notes: CollectionProperty(type=Line)
     export_notes: CollectionProperty(type=Line)
 
     samples: IntProperty(name="Samples", description="Samples per pixel", default=64, min=1, soft_max=4096)
@@ -152,6 +178,23 @@ class ObjectSettings(bpy.types.PropertyGroup):
     specular: FloatProperty(
         name="Specular", description="0.5 mirrors 4 %", default=0.5, min=0.0, max=1.0, subtype="FACTOR"
     )
+    opening: BoolProperty(
+        name="Opening",
+        description="A window pane: a real sun shines in through it; it looks as the photograph shows it",
+    )
+    real_light: BoolProperty(
+        name="Real",
+        description="This sun shines into the photographed place: its patch is in the photograph, it lights new objects",
+    )
+    mask: StringProperty(
+        name="Mask",
+        description="Image of the share of the sun that passes what is not modelled, such as bars, curtains and trees",
+        subtype="FILE_PATH",
+    )
+    mask_extent: FloatVectorProperty(
+        name="Extent", description="Left, bottom, right and top of the mask across the sun's direction, metres", size=4
+    )
+    mask_direction: FloatVectorProperty(description="Toward the sun for which the mask was made", size=3)
 
 
 def show_lines(collection, lines) -> None:
@@ -166,7 +209,7 @@ def show_lines(collection, lines) -> None:
         collection.add().text = line
 
 
-classes = (Line, FloorCorner, PanoramaPoint, SceneSettings, OwnSlot, ObjectSettings)
+classes = (Line, FloorCorner, PanoramaPoint, ClippedSource, SceneSettings, OwnSlot, ObjectSettings)
 
 
 def register() -> None:

@@ -73,7 +73,7 @@ def render(
     if denoise:
         from lightdepth.film.denoising import denoise as denoised
 
-        return denoised(frame)
+        return denoised(frame, scene.render.parameters.denoising)
     return frame
 
 
@@ -201,7 +201,8 @@ def _find_warnings(scene: Scene) -> tuple[str, ...]:
     }
     if found[Severity.ERROR]:
         raise InputError("\n".join(found[Severity.ERROR]))
-    return (*scene.panorama.repairs, *found[Severity.WARNING])
+    repairs = [repair for panorama in scene.panoramas for repair in panorama.repairs]
+    return (*repairs, *found[Severity.WARNING])
 
 
 @lru_cache(maxsize=2)

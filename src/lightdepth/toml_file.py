@@ -90,3 +90,9 @@ def _check_values(path: Path, document: dict[str, Any]) -> None:
             waiting += [(inner, depth + 1) for inner in (value.values() if isinstance(value, dict) else value)]
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:
             raise InputError(f"{path}: not valid TOML: a whole number beyond 64 bits")
+
+
+def first_panorama(document: tomlkit.TOMLDocument) -> Any:
+    """The first ``[[panorama]]`` table of a scene file, or its ``[panorama]``; ``None`` where there is none."""
+    panorama = document.get("panorama")
+    return panorama[0] if isinstance(panorama, list) and panorama else panorama

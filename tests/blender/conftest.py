@@ -33,6 +33,8 @@ class Blender:
             **os.environ,
             "BLENDER_USER_RESOURCES": str(resources),
             "LIGHTDEPTH_RENDERER": str(renderer),
+            # As users have it: only the first renderer of a place recovers its irradiance.
+            "LIGHTDEPTH_CACHE": str(resources / "cache"),
             "PYTHONPATH": str(SCRIPTS),
         }
         self.environment.pop("PYTHONWARNINGS", None)

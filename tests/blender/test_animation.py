@@ -5,7 +5,7 @@ import pytest
 
 from lightdepth.images.exr import read_exr
 
-FRAMES = 3
+FRAMES = 2
 
 
 @pytest.fixture(scope="module")

@@ -28,7 +28,7 @@ def plate_of(image, camera, position=CAPTURE, rotation=LEVEL, panorama_rotation=
     scene = room(np.asarray(image, np.float32), rotation=panorama_rotation)
     place = Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)))
     turn = rotation if np.ndim(rotation) == 2 else euler_rotation(rotation)
-    return render_plate(CameraView(camera, np.asarray(position), turn), scene.panorama, place)
+    return render_plate(CameraView(camera, np.asarray(position), turn), [scene.panorama], place)
 
 
 def centroid(plate):

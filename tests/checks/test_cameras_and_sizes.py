@@ -90,5 +90,7 @@ def test_a_camera_that_sees_behind_furniture_is_reported_with_the_share():
 
     screen = RealSurface("screen", box([-1.0, 0.5, 0.0], [0.02, 0.52, 2.5]), Role.ENVIRONMENT)
     blocked = replace(scene(real=[*room(), screen]), cameras={"view": camera([0.3, 0.4, 1.25], (-1.0, 3.0, 1.0))})
-    (hint,) = [p.message for p in camera_problems(blocked, look_around(blocked)) if "occluded from there" in p.message]
+    (hint,) = [
+        p.message for p in camera_problems(blocked, [look_around(blocked)]) if "occluded from there" in p.message
+    ]
     assert int(hint.split(" % of")[0].split()[-1]) > 15

@@ -72,11 +72,16 @@ def test_a_program_is_informed_of_progress(first):
     assert [event["stage"] for event in events if event["event"] == "stage"] == ["preparing", "rendering", "writing"]
     assert events[1] == {"event": "stage", "stage": "preparing"}
     assert kinds[-1] == "done"
-    assert set(kinds) <= {"hello", "stage", "warning", "progress", "picture", "done"}
+    prepared = [event["fraction"] for event in events if event["event"] == "preparing"]
+    assert len(prepared) > 1
+    assert prepared == sorted(prepared)
+    assert 0.0 < prepared[0] <= prepared[-1] <= 1.0
+    assert set(kinds) <= {"hello", "stage", "preparing", "warning", "progress", "picture", "done"}
     pictures = [event for event in events if event["event"] == "picture"]
     assert len(pictures) > 1
     assert [event["finished"] for event in pictures] == [False] * (len(pictures) - 1) + [True]
     assert {event["file"] for event in pictures} == {str(target)}
+    assert 0.0 < events[-1]["error"] < 0.5
     assert events[-1]["exposure"] == pytest.approx(np.log2(AVERAGE_LUMINANCE / 0.5), abs=0.01)
     progress = [event for event in events if event["event"] == "progress"]
     assert [event["fraction"] for event in progress] == sorted(event["fraction"] for event in progress)

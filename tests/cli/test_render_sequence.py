@@ -9,11 +9,14 @@ import sys
 import time
 from fractions import Fraction
 
+import numpy as np
 import OpenEXR
 import pytest
+from PIL import Image
 
 from lightdepth.film.layers import read_frame
 from lightdepth.images.exr import read_exr
+from lightdepth.images.tonemapping import tone_map
 
 from .room_folder import edit, make_room
 
@@ -96,6 +99,17 @@ def test_every_frame_is_there_and_says_what_it_is(shot):
     assert len({frame.coverage.tobytes() for frame in frames}) == LAST
     with OpenEXR.File(str(folder / "shot.03.exr")) as file:
         assert Fraction(*map(int, str(file.header()["framesPerSecond"]).split("/"))) == Fraction(24000, 1001)
+
+
+def test_a_moving_camera_has_one_exposure(shot):
+    """Every PNG shows its frame at the exposure of the panorama, whatever the frame holds."""
+    folder, *_ = shot
+    frames = [read_frame(folder / f"shot.0{n}.exr") for n in range(1, LAST + 1)]
+    (exposure,) = {frame.metadata["exposure"] for frame in frames}
+    assert len({float(frame.beauty.mean()) for frame in frames}) == LAST
+    for n, frame in enumerate(frames, 1):
+        shown = np.asarray(Image.open(folder / f"shot.0{n}.png").convert("RGB")).astype(int)
+        assert np.abs(shown - tone_map(frame.beauty, float(exposure))).max() <= 1
 
 
 def test_a_frame_alone_is_that_of_the_sequence(scene, shot, tmp_path):

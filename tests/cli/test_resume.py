@@ -33,7 +33,7 @@ def scene(tmp_path_factory):
     return scene
 
 
-def command(*arguments):
+def begin(*arguments):
     environment = {**os.environ, "COLUMNS": "1000"}
     return subprocess.Popen(
         [*PROGRAM, *map(str, arguments)],
@@ -46,7 +46,7 @@ def command(*arguments):
 
 
 def run(*arguments):
-    process = command(*arguments)
+    process = begin(*arguments)
     output, errors = process.communicate(timeout=500)
     assert "Traceback" not in errors
     return process.returncode, output, errors
@@ -67,7 +67,7 @@ def test_killed_at_random_moments_nothing_is_lost(scene, uninterrupted, tmp_path
     choose = random.Random(5)
     fractions = []
     for _ in range(KILLS):
-        process = command(*arguments)
+        process = begin(*arguments)
         for line in process.stdout:
             if '"event": "progress"' in line:
                 fractions.append(float(line.split('"fraction": ')[1].split(",")[0]))
@@ -86,19 +86,19 @@ def test_killed_at_random_moments_nothing_is_lost(scene, uninterrupted, tmp_path
     assert sorted(path.name for path in tmp_path.iterdir()) == ["x.exr", "x.png"]
 
 
-def test_shares_of_several_processes_merge_to_the_picture_of_one(scene, uninterrupted, tmp_path):
+def test_shares_of_several_processes_merge_to_the_picture_of_one(scene, uninterrupted, tmp_path, command):
     parts = [tmp_path / f"{index}.sums" for index in (1, 2)]
     for index, part in enumerate(parts, 1):
         status, _, errors = run("render", scene, "--share", f"{index}/2", "-o", part, "--progress", "none")
         assert status == 0
         assert f"wrote {part}" in errors
-    status, _, errors = run("merge", parts[0], "-o", tmp_path / "x.exr")
+    status, _, errors = command("merge", parts[0], "-o", tmp_path / "x.exr")
     assert status == 2
     assert "the picture is not complete, missing is 2/2" in errors
-    status, _, errors = run("merge", *parts, parts[0], "-o", tmp_path / "x.exr")
+    status, _, errors = command("merge", *parts, parts[0], "-o", tmp_path / "x.exr")
     assert status == 2
     assert "holds the part 1/2, which is in" in errors
-    status, _, errors = run("merge", *reversed(parts), "-o", tmp_path / "x.exr")
+    status, _, errors = command("merge", *reversed(parts), "-o", tmp_path / "x.exr")
     assert status == 0, errors
     frame = read_frame(tmp_path / "x.exr")
     np.testing.assert_allclose(frame.beauty, uninterrupted.beauty, rtol=1e-6)
@@ -118,9 +118,9 @@ def test_shares_of_several_processes_merge_to_the_picture_of_one(scene, uninterr
         (["--region", "5,2,3,9", "-o", "x.exr"], "region = (5, 2, 3, 9)"),
     ],
 )
-def test_wrong_arguments(scene, tmp_path, monkeypatch, arguments, message):
+def test_wrong_arguments(scene, tmp_path, monkeypatch, command, arguments, message):
     monkeypatch.chdir(tmp_path)
-    status, _, errors = run("render", scene, *arguments)
+    status, _, errors = command("render", scene, *arguments)
     assert status == 2
     assert message in errors
     assert list(tmp_path.iterdir()) == []

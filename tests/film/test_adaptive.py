@@ -2,8 +2,8 @@
 
 import subprocess
 import sys
-import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +14,10 @@ start("cpu")
 
 import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
+from lightdepth.film import picture_error  # noqa: E402
 from lightdepth.film.pixel_list import PixelList  # noqa: E402
 from lightdepth.film.schedule import passes  # noqa: E402
-from lightdepth.parameters import FilmParameters  # noqa: E402
+from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, picture, room  # noqa: E402
 
@@ -46,6 +47,18 @@ def test_estimated_variance_is_the_spread_over_seeds(seeds):
         few = np.quantile(spread[where], 0.98)
         where = where & (spread < few)
         assert 0.2 < spread[where].sum() / estimated[where].sum() < 1.25
+
+
+def test_a_draft_shows_its_true_error(scene, seeds):
+    """One sample a pixel: the error against the mean of many pictures is the one that is reported."""
+    truth = np.mean([frame.beauty for frame in seeds], axis=0, dtype=np.float64)
+    rendering = begin_rendering(scene, "view", seed=77)
+    *_, last = rendering.run(1)
+    draft = rendering.frame(auxiliary=False)
+    brightness = truth.mean(axis=2) + 0.1 * np.median(draft.plate.mean(axis=2))
+    error = ((draft.beauty - truth).mean(axis=2) / brightness)[draft.samples > 0]
+    assert last.error == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.35)
+    assert last.error > 0.05
 
 
 def test_samples_go_where_the_error_is(scene):
@@ -86,24 +99,28 @@ def test_noise_stops_near_its_target_and_counts_samples_truly(scene):
     assert list(looser.run(4096, 0.1))[-1].samples < 0.8 * steps[-1].samples
 
 
-def test_progress_costs_little(scene):
-    rendering = begin_rendering(scene, "pano", seed=1)
+def test_progress_costs_little(scene, monkeypatch):
+    """By a clock on which a pass takes a tenth of a second, and estimating the error half of that."""
+    now = 0.0
+    monkeypatch.setattr(picture_error, "time", SimpleNamespace(monotonic=lambda: now))
+    small = Parameters(film=FilmParameters(paths_at_once=1 << 12))
+    rendering = begin_rendering(replace(scene, render=replace(scene.render, parameters=small)), "view", seed=1)
     in_error = 0.0
-    error = rendering.error
+    overall = rendering.errors.overall
 
     def timed():
-        nonlocal in_error
-        began = time.perf_counter()
-        result = error()
-        in_error += time.perf_counter() - began
-        return result
+        nonlocal in_error, now
+        in_error, now = in_error + 0.05, now + 0.05
+        return overall()
 
-    rendering.error = timed
-    began = time.perf_counter()
-    fractions = [step.fraction for step in rendering.run(256)]
-    whole = time.perf_counter() - began
+    monkeypatch.setattr(rendering.errors, "overall", timed)
+    fractions = []
+    for step in rendering.run(128):
+        fractions.append(step.fraction)
+        now += 0.1
+    assert len(fractions) > 25
     assert fractions == sorted(fractions)
-    assert in_error < 0.15 * whole
+    assert 0.1 < in_error < 0.08 * now  # More than once, and little.
 
 
 def test_a_frame_in_between_does_not_disturb_the_rest(scene):

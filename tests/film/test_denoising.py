@@ -17,8 +17,16 @@ from lightdepth.cameras import Cubemap, OmnidirectionalStereo  # noqa: E402
 from lightdepth.cameras.topology import Flat, Rectangle, Spherical  # noqa: E402
 from lightdepth.directions import pixel_directions  # noqa: E402
 from lightdepth.errors import SetupError  # noqa: E402
-from lightdepth.film.denoising import _windows, denoise  # noqa: E402
+from lightdepth.film.denoising import (  # noqa: E402
+    TILE,
+    _boxes,
+    _changed_tiles,
+    _margins,
+    _windows,
+    denoise,
+)
 from lightdepth.film.frame import Frame  # noqa: E402
+from lightdepth.parameters.denoising import DEFAULT  # noqa: E402
 
 HEIGHT, WIDTH = 128, 256
 PANORAMA = Spherical((Rectangle(0, HEIGHT, 0, WIDTH),))
@@ -108,20 +116,20 @@ def test_there_is_no_seam(denoised):
 
 def test_bands_meet_without_a_seam(denoised, monkeypatch):
     monkeypatch.setattr("lightdepth.film.denoising.PIXELS_AT_ONCE", 1)
-    monkeypatch.setattr("lightdepth.film.denoising.MARGIN", 32)
     banded = denoise(panorama_frame())
     assert rms(banded.change - denoised.change) < 0.1 * rms(denoised.change - panorama_frame().change)
 
 
-def test_only_what_is_new_is_filtered(denoised, monkeypatch):
+def test_only_what_is_new_is_filtered(denoised):
     """Boxes around the layers' pixels, with their margins, and together all of these pixels."""
     frame = panorama_frame()
     frame.topology = Flat(WIDTH, HEIGHT)
     frame.change[:], frame.synthetic[:, 40:] = 0, 0
     frame.change[90:100, 200:204], frame.change[5, 7] = -0.1, 0.2
     (chart,) = frame.topology.charts
-    monkeypatch.setattr("lightdepth.film.denoising.MARGIN", 16)
-    rectangles = [window.rectangle for window in _windows(frame.topology, chart, frame.change)]
+    tiles = np.zeros((HEIGHT // TILE, WIDTH // TILE), bool)
+    tiles[[5, 6, 0], [12, 12, 0]] = True
+    rectangles = [window.rectangle for window in _windows(frame.topology, chart, tiles, DEFAULT)]
     assert sorted((each.top, each.bottom, each.left, each.right) for each in rectangles) == [
         (0, 16, 0, 16),
         (80, 112, 192, 208),
@@ -129,6 +137,36 @@ def test_only_what_is_new_is_filtered(denoised, monkeypatch):
     result = denoise(frame)
     assert (result.change[90:100, 200:204] < 0).all()
     assert not np.delete(result.change[90:100], range(200, 204), axis=1).any()
+
+
+def test_boxes_hold_every_tile_and_little_else():
+    """Of an L, whose long arms a single box would fill with what is not there."""
+    tiles = np.zeros((40, 60), bool)
+    tiles[:, :4], tiles[36:] = True, True
+    boxes, held = _boxes(tiles, False, DEFAULT), np.zeros_like(tiles)
+    for box in boxes:
+        held[box.slices] = True
+    assert (held >= tiles).all()
+    assert sum(box.height * box.width for box in boxes) < 1.05 * tiles.sum()
+    # Each is shown more where the layer goes on beyond it, and only there.
+    assert all(_margins(box, tiles, False, DEFAULT).count(DEFAULT.wide_margin) in (1, 2) for box in boxes)
+
+
+def test_a_faint_change_is_denoised_without_the_network(denoised):
+    """Its mean stays, far less noise is left, and where it grows strong there is no step between both ways."""
+    random = np.random.default_rng(5)
+    plate = np.full((96, 288, 3), 0.5, np.float32)
+    truth = 0.5 * np.linspace(0.0, -0.045, 288, dtype=np.float32)[None, :, None] + np.zeros_like(plate)
+    noisy = truth * random.gamma(12.0, 1 / 12.0, (96, 288, 1)).astype(np.float32)
+    nothing = np.zeros_like(plate)
+    frame = Frame(plate, noisy, nothing, nothing[..., 0], nothing[..., 0] + 1.0)
+    there, strong = _changed_tiles(frame, frame.topology.charts[0], np.float32(0.0), DEFAULT)
+    assert there.all()
+    assert (strong == (np.arange(18) >= 12)).all()
+    result = denoise(frame).change
+    error = result - truth
+    assert rms(error) < 0.1 * rms(noisy - truth)
+    assert rms(error[:, 176:208].mean(axis=0)) < 0.03 * np.abs(truth[:, 176:208]).mean()
 
 
 def test_an_ordinary_image_without_guides_is_denoised_as_well(denoised):
@@ -193,3 +231,22 @@ def test_charts_meet_without_a_seam(denoised, camera):
     assert left(denoise(noisy)) < 0.05 * left(noisy)
     height, width = noisy.coverage.shape
     assert left(denoise(replace(noisy, topology=Flat(width, height)))) > 0.1 * left(noisy)
+
+
+def test_precise_pixels_are_left_as_they_are(denoised):
+    """No pixel changes by more than three of its standard errors, a firefly by six: more samples lead to the truth."""
+    frame = panorama_frame()
+    frame.variance = np.full(frame.plate.shape, 1e-4, np.float32)
+    frame.change = np.maximum(frame.change, -frame.plate)  # More than there is cannot be taken away.
+    result = denoise(frame)
+    for layer in ("change", "synthetic"):
+        change = np.abs(getattr(result, layer) - getattr(frame, layer))
+        assert 0.02 < change.max() <= 0.01 * (3.0 + 8.0**0.5) + 1e-3
+        assert np.quantile(change, 0.99) <= 0.0301
+
+
+def test_single_samples_are_denoised(denoised):
+    """Their variance is not known, and stored as none: that is not to be taken for precision."""
+    frame = panorama_frame()
+    frame.variance, frame.samples = np.zeros(frame.plate.shape, np.float32), np.ones(frame.coverage.shape, np.uint32)
+    np.testing.assert_array_equal(denoise(frame).change, denoised.change)

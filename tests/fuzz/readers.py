@@ -3,7 +3,12 @@
 import re
 from pathlib import Path
 
+from lightdepth.capture.exposure import read_exposures
+from lightdepth.capture.photograph import foreign_profile, read_photograph, shared_white_balance
+from lightdepth.capture.response import load_response
+from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError
+from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.radiance import read_radiance
 from lightdepth.reconstruction.depth_image import read_depth_image
 from lightdepth.reconstruction.point_cloud import read_points
@@ -34,15 +39,37 @@ def _scene(path):
         raise InputError("\n".join(problems))
 
 
+def _photograph(path):
+    """Everything that `capture` asks of one photograph."""
+    foreign_profile(path)
+    shared_white_balance([path])
+    read_photograph(path)
+    read_exposures([path])
+
+
+def _bracket(path):
+    read_shoot([path.parent], MergeOptions())
+
+
+def _exposures(path):
+    """A table, of photographs that need not be there to be looked up."""
+    read_exposures([path.with_name(f"{name}.jpg") for name in "abc"], path)
+
+
 READERS = {
     "mesh": _mesh,
     "material": lambda path: _mesh(Path(path).with_name("a.obj")),
     "image": lambda path: read_radiance(path),
+    "panorama": lambda path: read_panorama(path),
     "texture": _texture,
     "depth": _depth,
     "points": lambda path: read_points(path),
     "scene": _scene,
     "document": lambda path: read_document(path),
+    "photograph": _photograph,
+    "bracket": _bracket,
+    "exposures": _exposures,
+    "response": load_response,
 }
 
 RAW = re.compile(

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lightdepth.capture.response import save_response, srgb_response
 from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.images.radiance import write_radiance
 from tests.scene.gltf_writer import gltf_document, with_draco, with_meshopt
@@ -39,7 +40,7 @@ class Seed:
 
 def seeds():
     """All seeds."""
-    return [*_meshes(), *_images(), *_depths(), *_points(), *_scenes()]
+    return [*_meshes(), *_images(), *_depths(), *_points(), *_scenes(), *_captures()]
 
 
 MESHES = [
@@ -89,9 +90,9 @@ def _with_ktx2():
     return document
 
 
-def _encoded(kind, pixels, dtype=np.uint8):
+def _encoded(kind, pixels, dtype=np.uint8, **options):
     stream = io.BytesIO()
-    Image.fromarray(np.asarray(pixels).astype(dtype)).save(stream, kind)
+    Image.fromarray(np.asarray(pixels).astype(dtype)).save(stream, kind, **options)
     return stream.getvalue()
 
 
@@ -108,6 +109,13 @@ def _images():
             f"image{suffix}", "image", f"mutant{suffix}",
             _written(f"a{suffix}", lambda path: write_radiance(path, radiance)),
         )  # fmt: skip
+    exif = Image.Exif()
+    exif[274], exif[34665] = 1, {33434: 0.01}  # Orientation, and exposure among the EXIF tags proper.
+    box = b'<rdf:Description xmlns:GPano="http://ns.google.com/photos/1.0/panorama/" GPano:PoseHeadingDegrees="30"/>'
+    grey = np.full((16, 32, 3), 120)
+    for kind, suffix in (("JPEG", ".jpg"), ("TIFF", ".tif"), ("PNG", ".png")):
+        more = {"xmp": box, "exif": exif} if kind == "JPEG" else {}
+        yield Seed(f"panorama{suffix}", "panorama", f"mutant{suffix}", _encoded(kind, grey, **more))
     yield Seed("texture.png", "texture", "mutant.png", _encoded("PNG", np.arange(256).reshape(16, 16)))
     yield Seed("texture 16.png", "texture", "mutant.png", _encoded("PNG", np.arange(256).reshape(16, 16), np.uint16))
     yield Seed("texture.jpg", "texture", "mutant.jpg", _encoded("JPEG", np.arange(256).reshape(16, 16)))
@@ -156,3 +164,29 @@ def _scenes():
     beside = {"p.exr": _written("p.exr", lambda path: write_radiance(path, picture)), "f.ply": floor}
     yield Seed("scene.toml", "scene", "mutant.toml", text.encode(), beside)
     yield Seed("changed.toml", "document", "mutant.toml", text.encode())
+
+
+BRACKETS = {"raw": "02-rawmax/080_*.dng", "jpeg": "24-orient/o2_*.jpg"}
+"""Exposures of one view, by EXIF."""
+
+
+def _captures():
+    """Photographs alone, one of a bracket whose others are sound, a table of exposures, and a camera's response."""
+    raw = FAULTS / "02-rawmax/080_middle.dng"
+    photograph = FAULTS / "24-orient/o2_1.jpg"
+    try:
+        import exifread  # noqa: F401
+        import rawpy  # noqa: F401
+    except ImportError:
+        pass
+    else:
+        yield Seed("photograph.dng", "photograph", "mutant.dng", raw.read_bytes())
+        yield Seed("photograph.jpg", "photograph", "mutant.jpg", photograph.read_bytes())
+        for name, pattern in BRACKETS.items():
+            first, *others = sorted(FAULTS.glob(pattern))
+            beside = {path.name: path.read_bytes() for path in others}
+            yield Seed(f"bracket {name}", "bracket", "mutant" + first.suffix, first.read_bytes(), beside)
+    table = b"file,time,aperture,iso\na.jpg,1/60,8,100\nb.jpg,0.25,8,100\nc.jpg,2,5.6,200\n"
+    yield Seed("exposures.csv", "exposures", "mutant.csv", table)
+    response = _written("a.json", lambda path: save_response(path, srgb_response()))
+    yield Seed("response.json", "response", "mutant.json", response)

@@ -115,3 +115,15 @@ def test_a_process_that_runs_another_variant_is_refused():
     result = run(f"import mitsuba; mitsuba.set_variant('scalar_rgb'); {START}start('cpu')")
     assert result.returncode == 1
     assert "has started Mitsuba with the variant 'scalar_rgb'" in result.stderr
+
+
+@pytest.mark.parametrize(("flags", "complaint"), [("fpu sse4_2 avx", "no FMA"), ("fpu fma avx2", "")])
+def test_a_processor_without_fma_is_refused(tmp_path, flags, complaint):
+    """Dr.Jit would abort the process at its first kernel."""
+    processors = tmp_path / "cpuinfo"
+    processors.write_text(f"processor : 0\nflags : {flags}\n")
+    code = "from pathlib import Path; from lightdepth.kernel import start; "
+    code += f"start.PROCESSORS = Path('{processors}'); start.start()"
+    done = run(code)
+    assert complaint in done.stderr
+    assert (done.returncode == 0) == (complaint == "")

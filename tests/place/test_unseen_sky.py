@@ -7,7 +7,7 @@ import pytest
 
 from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.lighting.explained import ExplainedLight
-from lightdepth.place.unseen_sky import BANDS, sky_by_elevation
+from lightdepth.place.unseen_sky import ROWS, sky_map
 from lightdepth.scene.model import Mesh, Panorama, RealSurface, Role
 
 HEIGHT = 64
@@ -38,27 +38,41 @@ def photograph():
     return Panorama(radiance, np.zeros(3), rotation, sky=True), hidden, directions
 
 
-def test_hidden_sky_has_the_radiance_of_what_is_seen_at_its_elevation(photograph):
+def test_hidden_sky_is_like_the_sky_at_its_elevation(photograph):
     panorama, hidden, directions = photograph
-    table = sky_by_elevation(panorama.radiance, ~hidden, directions[..., 2])
-    elevation = np.radians(np.linspace(-90.0, 90.0, BANDS))
-    above = elevation > np.radians(3.0)
-    wanted = gradient(np.stack([0 * elevation, np.cos(elevation), np.sin(elevation)], axis=-1))
-    half_a_row = 3.0 * 0.5 * np.pi / HEIGHT  # Of the steepest channel.
-    np.testing.assert_allclose(table[above], wanted[above], rtol=0.0, atol=half_a_row)
+    found = sky_map(panorama.radiance, ~hidden, directions)
+    axes = pixel_directions(ROWS, 2 * ROWS)
+    above = axes[..., 2] > np.sin(np.radians(4.0))
+    cell = 3.0 * 0.5 * np.pi / ROWS  # Half of one, of the steepest channel.
+    np.testing.assert_allclose(found[above], gradient(axes)[above], rtol=0.0, atol=cell)
 
 
-def test_a_sun_does_not_spread_along_its_elevation(photograph):
+def test_hidden_sky_is_like_the_sky_beside_it():
+    """A sky that is ten times as bright in the west; of it and of the east, all is seen but what lies behind a wall."""
+    directions = pixel_directions(HEIGHT, 2 * HEIGHT)
+    x, _, z = np.moveaxis(directions, -1, 0)
+    radiance = np.where(x < 0.0, 10.0, 1.0)[..., None] * np.ones(3, np.float32)
+    seen = (z > 0.0) & (np.abs(np.abs(x) - 0.6) < 0.2)
+    found = sky_map(radiance.astype(np.float32), seen, directions)
+    axes = pixel_directions(ROWS, 2 * ROWS)
+    for side, wanted in ((-1.0, 10.0), (1.0, 1.0)):
+        hidden = (side * axes[..., 0] > 0.85) & (axes[..., 2] > 0.1)
+        np.testing.assert_allclose(found[hidden], wanted, rtol=0.1)
+
+
+def test_a_sun_does_not_spread(photograph):
     panorama, hidden, directions = photograph
     bright = panorama.radiance.copy()
     bright[20, 5] = 1e5  # Nearly 3 degrees wide.
-    one, other = (sky_by_elevation(each, ~hidden, directions[..., 2]) for each in (panorama.radiance, bright))
-    np.testing.assert_allclose(one, other, rtol=0.05)
+    one, other = (sky_map(each, ~hidden, directions) for each in (panorama.radiance, bright))
+    changed = np.abs(other / one - 1.0).max(axis=2)
+    assert changed.max() < 3.0
+    assert (changed > 0.05).sum() < 30  # Of 4050 cells: its own, and those about it.
 
 
 def test_without_sky_there_is_none():
     nothing = np.zeros((8, 16), bool)
-    assert sky_by_elevation(np.ones((8, 16, 3), np.float32), nothing, np.zeros((8, 16))) is None
+    assert sky_map(np.ones((8, 16, 3), np.float32), nothing, pixel_directions(8, 16)) is None
 
 
 def test_a_place_beyond_the_sheet_gets_the_sky_that_the_sheet_hides(photograph):

@@ -28,7 +28,7 @@ def test_layout_then_lights(command, tmp_path, panorama, pose):
         "reconstruct", "layout", panorama, "--floor", floor, "--ceiling", 2.6, *place, "-o", tmp_path / "meshes",
         "--write", tmp_path / "scene.toml", "--picture", tmp_path / "check.png", "--json",
     )  # fmt: skip
-    assert (status, errors) == (0, "")
+    assert (status, errors.strip()) == (0, f"{tmp_path}/scene.toml does not exist and will be begun with this panorama")
     report = json.loads(printed)
     assert report["coverage"] == {"hit": pytest.approx(1.0), "sky": 0.0, "open": 0.0, "largest_hole": None}
     assert [surface["area"] for surface in report["surfaces"]] == pytest.approx([21.0, 47.84, 21.0], rel=1e-3)
@@ -48,6 +48,20 @@ def test_layout_then_lights(command, tmp_path, panorama, pose):
     strongest = json.loads(printed)["lights"][0]
     np.testing.assert_allclose(strongest["position"], [0.9, 1.0, 2.6], atol=0.05)
     assert (tmp_path / "lights.csv").read_text(encoding="utf-8").startswith("position_1,position_2,position_3,")
+
+
+@pytest.mark.filterwarnings("always")
+def test_another_height_or_pose_is_reported(command, tmp_path, panorama):
+    scene = tmp_path / "scene.toml"
+    scene.write_text(f'[panorama]\nimage = "{panorama}"\nposition = [0.0, 0.0, 1.6]\nrotation = [0.0, 0.0, 20.0]\n')
+    outdoor = ["--outdoor", "--radius", 20, "-o", tmp_path / "meshes", "--write", scene]
+    status, _, errors = command("reconstruct", "layout", scene, "--camera-height", 1.5, *outdoor)
+    assert status == 0
+    assert "the pose puts the capture point at height 1.6 m, --camera-height says 1.5 m" in errors
+    assert "they do not lie on the picture" not in errors
+    status, _, errors = command("reconstruct", "layout", panorama, "--camera-height", 1.5, *outdoor)
+    assert status == 0
+    assert "position is 0, 0, 1.6, and the surfaces were made for 0, 0, 1.5; its rotation is 0, 0, 20, and" in errors
 
 
 def test_from_depth(command, tmp_path, panorama, depth):

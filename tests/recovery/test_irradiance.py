@@ -2,16 +2,19 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from lightdepth.kernel.start import start
 
 start("cpu")
 
-from lightdepth.directions import pixel_directions  # noqa: E402
+from lightdepth.directions import latlong_to_direction  # noqa: E402
 from lightdepth.place.place import Place  # noqa: E402
 from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
 from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
 from lightdepth.recovery.irradiance import estimate_irradiance  # noqa: E402
+from lightdepth.recovery.irradiance_mesh import estimate_on_mesh  # noqa: E402
+from lightdepth.recovery.mesh_components import separate  # noqa: E402
 from lightdepth.recovery.support_irradiance import recover_irradiance  # noqa: E402
 from tests.transport.places import CAPTURE, HIGH, LOW, box_depth, lamp_image, room  # noqa: E402
 
@@ -40,10 +43,22 @@ def closed_form(point):
 
 def lamp_panorama(width=1024, oversampling=8):
     """A black room whose ceiling holds a rectangular lamp, each pixel the mean over its solid angle."""
-    fine = pixel_directions(width // 2 * oversampling, width * oversampling)
-    at = CAPTURE + fine * box_depth(fine)[..., None]
-    on = (np.abs(at[..., 2] - HIGH[2]) < 1e-6) & ((at[..., :2] > LAMP_LOW) & (at[..., :2] < LAMP_HIGH)).all(axis=-1)
-    share = on.reshape(width // 2, oversampling, width, oversampling).mean(axis=(1, 3))
+    height = width // 2
+
+    def on(v, u):
+        directions = latlong_to_direction(u / width, v / height)
+        at = CAPTURE + directions * box_depth(directions)[..., None]
+        return (np.abs(at[..., 2] - HIGH[2]) < 1e-6) & ((at[..., :2] > LAMP_LOW) & (at[..., :2] < LAMP_HIGH)).all(
+            axis=-1
+        )
+
+    share = on(*np.mgrid[:height, :width] + 0.5).astype(float)
+    # The pixels that its edge may cross are those whose neighbours differ.
+    edge = maximum_filter(share, 5, mode="wrap") != minimum_filter(share, 5, mode="wrap")
+    row, column = np.nonzero(edge)
+    fine = (np.arange(oversampling) + 0.5) / oversampling
+    v, u = row[:, None, None] + fine[:, None], column[:, None, None] + fine
+    share[edge] = on(*np.broadcast_arrays(v, u)).mean(axis=(1, 2))
     return np.repeat((RADIANCE * share)[..., None], 3, axis=2).astype(np.float32)
 
 
@@ -92,3 +107,24 @@ def test_support_is_wound_to_face_the_capture_point():
     corners = refined.vertices[refined.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((normals * (CAPTURE - corners.mean(axis=1))).sum(axis=1) > 0).all()
+
+
+def test_irradiance_along_walls_is_that_beside_them():
+    """Vertices in the very plane of a wall receive what points two millimetres away from it do, and not half of it."""
+    scene = room(lamp_image(128))
+    surfaces = merge_real_surfaces(scene.real)
+    place = Place(scene.panorama, TracedSurfaces(surfaces))
+    support = separate(surfaces, surfaces.receiving)
+    mesh, irradiance = estimate_on_mesh(place, support, np.random.default_rng(4), 256, 0.05)
+    on_floor = (mesh.points[:, 2] == 0.0) & ((mesh.points == np.float32(LOW)) | (mesh.points == HIGH))[:, :2].any(
+        axis=1
+    )
+    assert on_floor.sum() > 20
+    points = mesh.points[on_floor]
+    away = np.float32([*(0.5 * (LOW + HIGH))[:2], 0.0]) - points
+    points = points + 0.004 * away / np.linalg.norm(away, axis=1, keepdims=True)
+    normals = np.tile(np.float32([0.0, 0.0, 1.0]), (len(points), 1))
+    beside, _ = estimate_irradiance(place, points, normals, np.random.default_rng(5), 2048)
+    ratio = irradiance[on_floor].mean(axis=1) / beside.mean(axis=1)
+    assert np.quantile(np.abs(ratio - 1.0), 0.9) < 0.15  # Noise, and corners that are darker.
+    assert np.median(ratio) == pytest.approx(1.0, abs=0.02)

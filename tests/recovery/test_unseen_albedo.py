@@ -125,7 +125,9 @@ def test_unseen_environment_stays_environment_and_unseen_support_has_the_albedo_
     on_floor = unseen & (hit.kind.numpy() == FaceKind.SUPPORT) & (np.abs(hit.point.numpy()[2]) < 1e-4)
     assert on_floor.sum() > 50
     ratio = (
-        np.pi * final.photograph.surface_radiance(hit, mi.Bool(True)) / final.surfaces.irradiance(hit, mi.Bool(True))
+        np.pi
+        * final.photograph.surface_radiance(hit, -hit.normal, mi.Bool(True))
+        / final.surfaces.irradiance(hit, mi.Bool(True))
     )
     np.testing.assert_allclose(ratio.numpy().T[on_floor].mean(axis=0), (0.35, 0.33, 0.3), rtol=0.07)
 

@@ -183,8 +183,8 @@ WRONG = [
         r"scene.toml:10: \[\[real\]\] 2 \(\"floor\"\): name: 'floor' is the name of 2 \[\[real\]\] tables",
     ),
     (
-        '[[real]]\nname = "b"\nmesh = "floor.ply"\nrole = "environment"\ngloss = { roughness = 0.2 }',
-        r"gloss is for role = 'support' only",
+        '[[real]]\nname = "b"\nmesh = "floor.ply"\nrole = "environment"\nopening = true\ngloss = { roughness = 0.2 }',
+        r"gloss is not for an opening",
     ),
     (
         '[camera.view]\ntype = "perspectiv"\nwidth = 3',
@@ -311,6 +311,12 @@ def test_a_place_must_have_geometry(write_scene):
 def test_no_file_no_scene(tmp_path):
     with pytest.raises(InputError, match=r"none\.toml: no such file"):
         load_scene(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize("scale", ["1e308", "1e39"])
+def test_a_scale_that_no_radiance_survives_is_refused(write_scene, scale):
+    with pytest.raises(InputError, match="scale = .*becomes larger than a number of 32 bits"):
+        load_scene(write_scene(panorama=f"scale = {scale}"))
 
 
 def test_bad_radiance_is_refused_and_repaired(write_scene, scene_folder):

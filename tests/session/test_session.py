@@ -17,7 +17,7 @@ from lightdepth.film.layers import read_frame  # noqa: E402
 from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from lightdepth.session import events  # noqa: E402
 from lightdepth.session.displays import ExrDisplay, MemoryDisplay, PngDisplay  # noqa: E402
-from lightdepth.session.events import Caution, Done, Failure, Hello, Picture, Progress, Stage  # noqa: E402
+from lightdepth.session.events import Caution, Done, Failure, Hello, Picture, Preparing, Progress, Stage  # noqa: E402
 from lightdepth.session.session import Job, Session  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
@@ -184,6 +184,7 @@ def test_what_goes_wrong_in_a_thread_is_reported(scene):
     [
         Hello("1.0"),
         Stage("preparing"),
+        Preparing(0.25),
         Progress(0.5, 4.0, 0.1, 3.0),
         Picture("x.exr", True),
         Caution("careful"),

@@ -93,7 +93,13 @@ def room(
 
 
 def picture(scene: Scene, camera: str, samples: int, seed: int) -> Frame:
-    """One of many pictures: without object ids, depth, normals and albedo, which take as long as few samples."""
+    """One of many pictures: without object ids, depth, normals, albedo and the estimate of the errors that pixels share.
+
+    Each of these takes as long as many samples.
+    """
+    parameters = scene.render.parameters
+    parameters = replace(parameters, film=replace(parameters.film, worth_shared=0.0))
+    scene = replace(scene, render=replace(scene.render, parameters=parameters))
     return begin_rendering(scene, camera, seed=seed).complete(samples, auxiliary=False)
 
 

@@ -10,13 +10,13 @@ import tomlkit
 
 from lightdepth.errors import InputError
 from lightdepth.images.writing import whole_file
-from lightdepth.toml_file import document_bytes, read_document
+from lightdepth.toml_file import document_bytes, first_panorama, read_document
 
 
 def write_pose(
     scene: Path, rotation: Sequence[float] | None, position: Sequence[float] | None, image: Path | None = None
 ) -> Path:
-    """Put a pose into the ``[panorama]`` table of a scene file; comments, order and all else are kept.
+    """Put a pose into the first ``[[panorama]]`` table of a scene file; comments, order and all else are kept.
 
     Args:
         scene: the scene file; it is replaced whole or not at all. Where there is none, it is begun.
@@ -31,7 +31,7 @@ def write_pose(
         InputError: the file is missing, is not TOML, has no panorama with an image, or cannot be written.
     """
     document = read_document(scene) if image is None or scene.exists() else _begun(scene, image)
-    panorama = document.get("panorama")
+    panorama = first_panorama(document)
     if not isinstance(panorama, dict) or not isinstance(panorama.get("image"), str):
         raise InputError(f"{scene}: has no [panorama] table with an image; write one, then calibrate")
     if position is not None:

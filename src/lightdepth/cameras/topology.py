@@ -36,6 +36,10 @@ class Rectangle:
         """Index of an image's array: its rows and columns."""
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
+    def moved(self, down: int, right: int) -> Rectangle:
+        """The same elsewhere."""
+        return Rectangle(self.top + down, self.bottom + down, self.left + right, self.right + right)
+
 
 @dataclass(frozen=True)
 class Window:
@@ -92,10 +96,17 @@ class Topology(ABC):
             The row and column of each pixel; where the given ones lie in the chart they are returned as they are.
         """
 
-    def window(self, chart: Rectangle, rectangle: Rectangle, margin: int) -> Window:
-        """A rectangle of a chart with ``margin`` pixels around it, fewer where the picture ends."""
-        top, bottom = rectangle.top - margin, rectangle.bottom + margin
-        left, right = rectangle.left - margin, rectangle.right + margin
+    def window(self, chart: Rectangle, rectangle: Rectangle, margin: int | tuple[int, int, int, int]) -> Window:
+        """A rectangle of a chart with ``margin`` pixels around it, fewer where the picture ends.
+
+        Args:
+            chart: one of ``charts``.
+            rectangle: part of it.
+            margin: alike on all sides, or above, below, left and right.
+        """
+        above, below, before, after = (margin,) * 4 if isinstance(margin, int) else margin
+        top, bottom = rectangle.top - above, rectangle.bottom + below
+        left, right = rectangle.left - before, rectangle.right + after
         if not self.endless:
             top, bottom = max(top, chart.top), min(bottom, chart.bottom)
             left, right = max(left, chart.left), min(right, chart.right)

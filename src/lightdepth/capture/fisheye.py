@@ -100,6 +100,39 @@ def find_circle(photographs: Iterable[NDArray]) -> Circle:
     raise InputError("no fisheye circle was found in the photographs; state it as --circle x,y,r in pixels")
 
 
+def refine_circle(circle: Circle, radiance: NDArray[np.float32]) -> Circle:
+    """A circle moved to where linear light falls to half of what it is within; as it is where that is seen too seldom.
+
+    Args:
+        circle: right within some pixels.
+        radiance: linear, shape (height, width, 3).
+    """
+    reach = max(4.0, 0.03 * circle.radius)
+    turn = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
+    outward = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    radii = np.arange(circle.radius - reach, circle.radius + reach, 0.25)
+    at = np.array([circle.x, circle.y]) + outward[:, None] * radii[:, None] - 0.5
+    grey = np.ascontiguousarray(radiance.mean(axis=2), np.float32)
+    profile = cv2.remap(
+        grey, *np.moveaxis(at, -1, 0).astype(np.float32), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
+    inner = np.median(profile[:, : len(radii) // 4], axis=1)
+    outer = np.median(profile[:, -len(radii) // 4 :], axis=1)
+    above = profile > 0.5 * (inner + outer)[:, None]
+    last = len(radii) - 1 - np.argmax(above[:, ::-1], axis=1)
+    good = (inner > 4.0 * outer) & (inner > 0.1 * np.median(inner)) & (last > 0) & (last < len(radii) - 1)
+    if good.mean() < 0.5:
+        return circle
+    points = np.array([circle.x, circle.y]) + outward[good] * (radii[last[good]] + 0.125)[:, None]
+    for tolerance in (2.0, 1.0, 0.5):
+        fitted = _through(points)
+        near = _distance(points, fitted) < tolerance
+        if near.sum() < 90:
+            break
+        points = points[near]
+    return _through(points)
+
+
 def _edge_points(light: NDArray[np.float32]) -> NDArray[np.float64]:
     """Where rays from outside toward the image's centre first meet light; ``(x, y)`` of shape (n, 2)."""
     height, width = light.shape

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -113,8 +114,10 @@ def foreign_profile(path: Path) -> str | None:
     if is_raw(path):
         return None
     try:
-        with Image.open(path) as image:
-            profile = image.info.get("icc_profile")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Of damaged EXIF data, which are read elsewhere.
+            with Image.open(path) as image:
+                profile = image.info.get("icc_profile")
         if not profile:
             return None
         name = ImageCms.getProfileDescription(ImageCms.ImageCmsProfile(io.BytesIO(profile))).strip()

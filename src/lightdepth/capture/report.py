@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.capture.dual_fisheye import DualStitched
 from lightdepth.capture.lens import Lens
 from lightdepth.capture.merging import Merged
 from lightdepth.capture.photometry import half_diagonals
@@ -100,6 +101,30 @@ def stitch_report(shoot: Shoot, stitched: Stitched) -> dict[str, Any]:
         },
         "images": images,
         "warnings": warnings_of(shoot, stitched),
+    }
+
+
+def dual_report(shoot: Shoot, stitched: DualStitched) -> dict[str, Any]:
+    """Figures of a panorama from two circles."""
+    covered = stitched.panorama.covered
+    height, width = covered.shape
+    share = float((covered.mean(axis=1) * pixel_solid_angles(height, width)).sum() * width / (4.0 * np.pi))
+    first, second = stitched.lenses
+    relative = first.with_rotation(first.rotation.T @ second.rotation)
+    return {
+        "size": [width, height],
+        "response": shoot.response_source,
+        "circles": [vars(circle) for circle in stitched.circles],
+        "lens": {"projection": first.projection, "fov": stitched.fov, "distortion": list(first.distortion)},
+        "second": {"yaw": relative.yaw, "pitch": relative.pitch, "roll": relative.roll},
+        "agreement": stitched.agreement,
+        "exposure": {
+            "disagreement_before": stitched.photometry.disagreement_before,
+            "disagreement": stitched.photometry.disagreement,
+            "gains": stitched.photometry.gains.tolist(),
+        },
+        "covered": share,
+        "warnings": [*shoot.warnings, *stitched.warnings],
     }
 
 

@@ -116,13 +116,23 @@ def read_shoot(inputs: Sequence[Path], options: MergeOptions, progress: Progress
             f"{strange[0]}: allowed are photographs ({', '.join(PHOTOGRAPHS)}) or HDR images ({', '.join(READERS)}), "
             "not both"
         )
-    pairs = list(zip(inputs, read_exposures(inputs, options.exposures), strict=True))
+    pairs = list(zip(inputs, _exposures(inputs, options.exposures), strict=True))
     if options.bracket is not None:
         if len(pairs) % options.bracket:
             raise InputError(f"{len(pairs)} photographs are no multiple of --bracket {options.bracket}")
         size = options.bracket
         return _merge_all([pairs[start : start + size] for start in range(0, len(pairs), size)], options, progress)
     return _merge_all(group_by_exposure(pairs), options, progress)
+
+
+def _exposures(photographs: Sequence[Path], table: Path | None) -> list[Exposure]:
+    """As :func:`read_exposures`; a single photograph needs none to be right but for one factor on all radiance."""
+    try:
+        return read_exposures(photographs, table)
+    except InputError:
+        if len(photographs) > 1 or table is not None:
+            raise
+        return [Exposure(1.0)]
 
 
 def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Progress) -> Shoot:

@@ -12,12 +12,14 @@ from lightdepth.checks.inspection import (
     inspect_file,
     inspect_scene,
 )
+from lightdepth.checks.photographs import PhotographReport
 from lightdepth.checks.problem import Problem, Severity
 
 __all__ = [
     "Coverage",
     "Hole",
     "Inspection",
+    "PhotographReport",
     "Problem",
     "Severity",
     "find_problems",

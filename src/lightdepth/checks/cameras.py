@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -26,22 +28,23 @@ AT_CAPTURE_POINT = 1e-3
 """Metres."""
 
 
-def camera_problems(scene: Scene, view: CaptureView) -> list[Problem]:
+def camera_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem]:
     """Find objects around the capture point or a camera, and cameras that ask more of the photograph than it has.
 
     Args:
         scene: the scene; it has real surfaces.
-        view: what the capture point sees.
+        views: what the capture points see.
     """
     problems = _around(scene)
     for name, camera in scene.cameras.items():
         where = f"[camera.{name}]"
-        if _has_left(camera, view):
+        if all(_has_left(camera, view) for view in views):
             x, y, z = camera.position
             message = f"is outside the room, at [{x:.3g}, {y:.3g}, {z:.3g}]: it sees the real surfaces from behind"
             problems.append(Problem(Severity.WARNING, f"{where}: {message}"))
             continue
-        soft, far = _softness(camera, scene), _far_away(camera, view)
+        nearest = min(views, key=lambda view: float(np.linalg.norm(camera.position - view.position)))
+        soft, far = _softness(camera, scene), _far_away(camera, nearest, views)
         problems += [Problem(Severity.HINT, f"{where}: {message}") for message in (soft, far) if message is not None]
     return problems
 
@@ -82,9 +85,9 @@ def _has_left(camera: CameraView, capture: CaptureView) -> bool:
 
 
 def _softness(view: CameraView, scene: Scene) -> str | None:
-    if not scene.panorama.radiance.size:
+    width = max(panorama.radiance.shape[1] for panorama in scene.panoramas)
+    if not width:
         return None
-    width = scene.panorama.radiance.shape[1]
     finer = pixels_per_degree(view) / (width / 360.0)
     if finer < FINER:
         return None
@@ -106,8 +109,8 @@ def pixels_per_degree(view: CameraView) -> float:
     return width / 360.0
 
 
-def _far_away(view: CameraView, capture: CaptureView) -> str | None:
-    """Where a camera sees much that the capture point does not, or is far from it."""
+def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[CaptureView]) -> str | None:
+    """Where a camera sees much that no capture point does, or is far from the nearest one."""
     distance = float(np.linalg.norm(view.position - capture.position))
     if distance < AT_CAPTURE_POINT:
         return None
@@ -117,14 +120,15 @@ def _far_away(view: CameraView, capture: CaptureView) -> str | None:
     if not met.any():
         return None
     points = view.position + hits.distance[met, None] * directions[met]
-    share = float(unseen(points, capture).mean()) * float(met.mean())
+    share = float(np.all([unseen(points, each) for each in captures], axis=0).mean()) * float(met.mean())
     usual = float(np.median(capture.distance[np.isfinite(capture.distance)]))
     if share < MUCH_UNSEEN and distance < FAR * usual:
         return None
+    nearest = "nearest capture point" if len(captures) > 1 else "capture point"
     return (
-        f"is {distance:.2g} m from the capture point, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of "
-        "what it sees is occluded from there and has a colour from elsewhere, and errors of the model show. Stay nearer, "
-        "or model finer"
+        f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of what "
+        "it sees is occluded from there and has a colour from elsewhere, and errors of the model show. Stay nearer, or "
+        "model finer"
     )
 
 

@@ -22,15 +22,18 @@ SMALLEST_ROOM = 1.5
 """Metres along each axis: anything smaller that is closed is a thing, not a room."""
 
 
-def capture_point_problems(view: CaptureView, inside: Iterable[NDArray[np.floating]]) -> list[Problem]:
+def capture_point_problems(
+    view: CaptureView, inside: Iterable[NDArray[np.floating]], name: str = "[panorama]"
+) -> list[Problem]:
     """Find a capture point on a surface, inside a wall, or outside the room.
 
     Args:
         view: what the capture point sees.
         inside: further points that should be in the room, such as the objects' centres, world, metres, shape (3,).
+        name: what messages call its panorama.
     """
     message = _in_a_wall(view) or _outside(view, inside)
-    return [Problem(Severity.ERROR, f"[panorama]: position: the capture point {_point(view.position)} {message}")] * (
+    return [Problem(Severity.ERROR, f"{name}: position: the capture point {_point(view.position)} {message}")] * (
         message is not None
     )
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.checks.problem import Problem, Severity
+from lightdepth.checks.sampling import unseen_shares
 from lightdepth.checks.view import CaptureView
 from lightdepth.regions import connected_regions
 from lightdepth.scene.model import Scene
@@ -47,17 +48,25 @@ class Coverage:
         share: directions in which it sees a real surface, as a share of all, in [0, 1]; weighted by solid angle.
         sky: directions that meet none and are declared sky, as a share of all, in [0, 1].
         by_surface: as ``share``, for each real surface by its name.
+        unseen: share of the area that no photograph sees, in [0, 1], for each real surface by its name.
         largest_hole: of the directions that meet none and are not sky; ``None`` where there is none.
     """
 
     share: float
     sky: float
     by_surface: Mapping[str, float]
+    unseen: Mapping[str, float]
     largest_hole: Hole | None
 
 
-def measure_coverage(view: CaptureView, scene: Scene) -> Coverage:
-    """Measure the coverage of the real meshes, or of the depth image where the scene has no meshes."""
+def measure_coverage(view: CaptureView, scene: Scene, views: Sequence[CaptureView] = ()) -> Coverage:
+    """Measure the coverage of the real meshes, or of the depth image where the scene has no meshes.
+
+    Args:
+        view: of the capture point whose coverage it is.
+        scene: the scene.
+        views: of all capture points; by default that one's alone.
+    """
     missing = view.surface < 0
     sky = scene.panorama.sky
     depth = scene.panorama.depth
@@ -70,6 +79,7 @@ def measure_coverage(view: CaptureView, scene: Scene) -> Coverage:
         share=1.0 - uncovered,
         sky=uncovered if sky else 0.0,
         by_surface={name: view.share(view.surface == index) for index, name in enumerate(view.names)},
+        unseen=unseen_shares(scene, views or [view]),
         largest_hole=None if sky else _largest_hole(view, missing, scene.panorama.radiance.shape[0]),
     )
 

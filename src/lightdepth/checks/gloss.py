@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import Scene
@@ -19,10 +21,17 @@ def gloss_problems(scene: Scene) -> list[Problem]:
     from lightdepth.place.place import Place
     from lightdepth.place.real_surfaces import merge_real_surfaces
     from lightdepth.place.traced_surfaces import TracedSurfaces
-    from lightdepth.recovery.specular import fit_glosses
+    from lightdepth.recovery.gains import solve_gains
+    from lightdepth.recovery.specular import fitted_glosses
 
     surfaces = merge_real_surfaces(scene.real)
-    fitted = fit_glosses(Place(scene.panorama, TracedSurfaces(surfaces), suns=scene.lights), surfaces)
+
+    def place() -> Place:
+        traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
+        gains = solve_gains(scene.panoramas, traced).gains
+        return Place(scene.panoramas, traced, suns=scene.lights, gains=gains)
+
+    fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))
     problems = []
     for surface in shiny:

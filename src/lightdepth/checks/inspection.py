@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.checks.cameras import camera_problems
 from lightdepth.checks.capture_point import capture_point_problems
@@ -14,6 +17,7 @@ from lightdepth.checks.coverage import Coverage, hole_problems, measure_coverage
 from lightdepth.checks.gloss import gloss_problems
 from lightdepth.checks.lights import light_problems
 from lightdepth.checks.objects import object_problems, standing_problems
+from lightdepth.checks.photographs import PhotographReport, compare_photographs, panorama_name, panorama_table
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.sampling import object_mesh
@@ -38,10 +42,12 @@ class Inspection:
     Attributes:
         problems: the worst first.
         coverage: ``None`` where the place has no geometry at all.
+        photographs: how several of them compare; empty where there is one.
     """
 
     problems: tuple[Problem, ...]
     coverage: Coverage | None
+    photographs: tuple[PhotographReport, ...] = ()
 
 
 def inspect_file(path: Path) -> Inspection:
@@ -62,7 +68,7 @@ def inspect_file(path: Path) -> Inspection:
         return Inspection((Problem(Severity.ERROR, str(error)),), None)
     said = dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, InputWarning))
     unapplied = [Problem(Severity.WARNING, message) for message in said]
-    return Inspection(_worst_first([*unapplied, *found.problems]), found.coverage)
+    return replace(found, problems=_worst_first([*unapplied, *found.problems]))
 
 
 def _inspect_contents(contents: Contents, hints: bool = True) -> Inspection:
@@ -70,19 +76,19 @@ def _inspect_contents(contents: Contents, hints: bool = True) -> Inspection:
     if contents.scene is None:
         return Inspection(tuple(unreadable), None)
     found = _inspect(contents.scene, contents.unread, hints)
-    return Inspection((*unreadable, *found.problems), found.coverage)
+    return replace(found, problems=(*unreadable, *found.problems))
 
 
 def _inspect_frames(frames: SceneFrames, hints: bool = True) -> Inspection:
-    looked_at, findings, coverage = frames_to_check(frames), Findings(), None
+    looked_at, findings, first = frames_to_check(frames), Findings(), Inspection((), None)
     wrong_tables = frames.table_problems()
     for frame in looked_at:
         found = _inspect_contents(frames.contents(frame), hints)
-        coverage = coverage or found.coverage
+        first = first if first.coverage is not None else found
         # Those of the tables are known, with their frames.
         findings.add(frame, [problem for problem in found.problems if problem.message not in wrong_tables])
     tables = [Problem(Severity.ERROR, message) for message in wrong_tables]
-    return Inspection((*tables, *findings.all(looked_at)), coverage)
+    return replace(first, problems=(*tables, *findings.all(looked_at)))
 
 
 def frames_problems(frames: SceneFrames) -> list[Problem]:
@@ -139,15 +145,17 @@ class _CheckedPlace:
     """What is found of a place without its objects.
 
     Attributes:
-        view: what the capture point sees; ``None`` where the place has no geometry at all.
-        coverage: likewise.
+        views: what the capture points see; empty where the place has no geometry at all.
+        coverage: ``None`` there.
+        photographs: how they compare.
         radiance: what is wrong with the panorama.
         others: what is wrong with the rest, where the capture point is right.
         objects: what is wrong with objects that were looked at in it, by their digest.
     """
 
-    view: CaptureView | None
+    views: tuple[CaptureView, ...]
     coverage: Coverage | None
+    photographs: tuple[PhotographReport, ...]
     radiance: tuple[Problem, ...]
     others: tuple[Problem, ...]
     objects: dict[str, list[Problem]] = field(default_factory=dict)
@@ -157,7 +165,7 @@ _checked: OrderedDict[str, _CheckedPlace] = OrderedDict()
 
 
 def _checked_place(scene: Scene, unread: int) -> _CheckedPlace:
-    key = digest(place_digest(scene), str(scene.panorama.path), unread)
+    key = digest(place_digest(scene), [str(panorama.path) for panorama in scene.panoramas], unread)
     checked = _checked.pop(key, None) or _check_place(scene, unread)
     _checked[key] = checked
     while len(_checked) > KEPT:
@@ -166,39 +174,58 @@ def _checked_place(scene: Scene, unread: int) -> _CheckedPlace:
 
 
 def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
-    radiance = tuple(radiance_problems(scene.panorama))
-    if not scene.real and scene.panorama.depth is None:
-        return _CheckedPlace(None, None, radiance, ())
-    view = look_around(scene)
-    coverage = measure_coverage(view, scene)
-    others = hole_problems(coverage, unread)
-    if not capture_point_problems(view, ()):  # Seen from a wrong point, everything else looks wrong as well.
-        others += [problem for surface in scene.real for problem in support_problems(surface, view)]
-        others += light_problems(scene, view)
-        others += gloss_problems(scene)
-    return _CheckedPlace(view, coverage, radiance, tuple(others))
+    radiance = tuple(
+        problem
+        for panorama in scene.panoramas
+        for problem in radiance_problems(panorama, panorama_table(scene, panorama))
+    )
+    if not scene.real and all(panorama.depth is None for panorama in scene.panoramas):
+        return _CheckedPlace((), None, (), radiance, ())
+    views = tuple(look_around(scene, panorama) for panorama in scene.panoramas)
+    coverages = [measure_coverage(view, scene, views) for view in views]
+    others = next((problems for problems in (hole_problems(each, unread) for each in coverages) if problems), [])
+    photographs: tuple[PhotographReport, ...] = ()
+    if not _misplaced(scene, views):  # Seen from a wrong point, everything else looks wrong as well.
+        others += [problem for surface in scene.real for problem in support_problems(surface, views)]
+        others += light_problems(scene, views[0])
+        differences, photographs = compare_photographs(scene)
+        others += differences
+        if not any(problem.severity is Severity.ERROR for problem in differences):
+            others += gloss_problems(scene)
+    return _CheckedPlace(views, coverages[0], photographs, radiance, tuple(others))
+
+
+def _misplaced(
+    scene: Scene, views: Sequence[CaptureView], inside: Iterable[NDArray[np.floating]] = ()
+) -> list[Problem]:
+    """What is wrong with the capture points."""
+    points = list(inside)
+    return [
+        problem
+        for panorama, view in zip(scene.panoramas, views, strict=True)
+        for problem in capture_point_problems(view, points, panorama_name(scene, panorama))
+    ]
 
 
 def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
     checked = _checked_place(scene, unread)
     problems = [*checked.radiance, *size_problems(scene.synthetic)]
-    if checked.view is None:
+    if not checked.views:
         return Inspection(tuple(problems), None)
     misplaced: list[Problem] = []
     if scene.real:
-        misplaced = capture_point_problems(
-            checked.view, (object_mesh(thing).vertices.mean(axis=0) for thing in scene.synthetic)
-        )
+        inside = (object_mesh(thing).vertices.mean(axis=0) for thing in scene.synthetic)
+        misplaced = _misplaced(scene, checked.views, inside)
     problems += misplaced
     if not misplaced:
         problems += checked.others
         if scene.real:
-            problems += object_problems(scene.synthetic, checked.view, checked.objects)
-            problems += camera_problems(scene, checked.view)
+            problems += object_problems(scene.synthetic, checked.views[0], checked.objects)
+            problems += camera_problems(scene, checked.views)
         if scene.real and hints:
-            problems += standing_problems(scene.synthetic, checked.view)
-    return Inspection(_worst_first(problems), checked.coverage)
+            problems += standing_problems(scene.synthetic, checked.views[0])
+    return Inspection(_worst_first(problems), checked.coverage, checked.photographs)
 
 
 def _worst_first(problems: Iterable[Problem]) -> tuple[Problem, ...]:

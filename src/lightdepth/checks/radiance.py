@@ -7,16 +7,21 @@ from lightdepth.images.validation import clipped_plateau
 from lightdepth.scene.model import Panorama
 
 
-def radiance_problems(panorama: Panorama) -> list[Problem]:
-    """Find a panorama that is black or whose lights were clipped; nothing, where its image could not be read."""
+def radiance_problems(panorama: Panorama, table: str = "[panorama]") -> list[Problem]:
+    """Find a panorama that is black or whose lights were clipped; nothing, where its image could not be read.
+
+    Args:
+        panorama: to be checked.
+        table: what messages call it.
+    """
     if not panorama.radiance.size:
         return []
-    name = f"[panorama]: {panorama.path}" if panorama.path else "[panorama]"
+    name = f"{table}: {panorama.path}" if panorama.path else table
     mean = float(panorama.radiance.mean())
     if mean == 0.0:
         return [Problem(Severity.WARNING, f"{name}: is black everywhere and lights nothing")]
     if panorama.notes:  # They report what was clipped as well.
-        return [Problem(Severity.WARNING, f"[panorama]: {note}") for note in panorama.notes]
+        return [Problem(Severity.WARNING, f"{table}: {note}") for note in panorama.notes]
     if panorama.unclipped is not None:  # The scene declares what they really send.
         return []
     plateau = clipped_plateau(panorama.radiance)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -9,8 +10,10 @@ import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.checks.view import CaptureView
-from lightdepth.scene.model import AnalyticShape, Mesh, SyntheticObject
+from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticObject
 
+POINTS = 4000
+"""On each surface, at which it is looked whether a capture point sees it."""
 TOLERANCE = 0.005
 """Relative difference of distances up to which a point lies on the surface that is seen."""
 
@@ -44,6 +47,17 @@ def unseen(points: NDArray[np.floating], view: CaptureView) -> NDArray[np.bool_]
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     hits = view.caster.cast(view.position, towards / distance[:, None])
     return np.asarray(hits.distance < distance * (1.0 - TOLERANCE) - 1e-3)
+
+
+def unseen_share(mesh: Mesh, views: Sequence[CaptureView]) -> float:
+    """Share of a surface's area that none of the capture points sees, where it was photographed; in [0, 1]."""
+    points, _ = surface_points(mesh.vertices if mesh.rest is None else mesh.rest, mesh.faces, POINTS)
+    return float(np.mean(np.all([unseen(points, view) for view in views], axis=0)))
+
+
+def unseen_shares(scene: Scene, views: Sequence[CaptureView]) -> dict[str, float]:
+    """The same of every real surface, by its name."""
+    return {surface.name: unseen_share(surface.mesh, views) for surface in scene.real}
 
 
 def object_mesh(thing: SyntheticObject) -> Mesh:

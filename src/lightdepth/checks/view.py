@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_directions, pixel_solid_angles
 from lightdepth.kernel.raycasting import RayCaster
-from lightdepth.scene.model import Scene
+from lightdepth.scene.model import Panorama, Scene
 
 HEIGHT = 256
 """Rows of the grid of directions: about 0.7 degrees, fine enough for any hole that matters."""
@@ -50,17 +50,21 @@ class CaptureView:
         return float(np.sum(which * self.solid_angles))
 
 
-def look_around(scene: Scene) -> CaptureView:
-    """Cast the rays. The depth that a user may have given plays no part, only meshes do."""
+def look_around(scene: Scene, panorama: Panorama | None = None) -> CaptureView:
+    """Cast the rays from a panorama's capture point, by default the first one's.
+
+    The depth that a user may have given plays no part, only meshes do.
+    """
+    panorama = panorama or scene.panorama
     meshes = [surface.mesh for surface in scene.real]
     vertices = np.concatenate([np.zeros((0, 3), np.float32), *(mesh.vertices for mesh in meshes)])
     caster = RayCaster(meshes)
-    directions = pixel_directions(HEIGHT, 2 * HEIGHT) @ scene.panorama.rotation.T
-    hits = caster.cast(scene.panorama.position, directions.reshape(-1, 3))
+    directions = pixel_directions(HEIGHT, 2 * HEIGHT) @ panorama.rotation.T
+    hits = caster.cast(panorama.position, directions.reshape(-1, 3))
     shape = directions.shape[:2]
     away = np.einsum("ij,ij->i", hits.normal, directions.reshape(-1, 3)) > 0.0
     return CaptureView(
-        position=scene.panorama.position,
+        position=panorama.position,
         sky=scene.panorama.sky,
         caster=caster,
         names=tuple(surface.name for surface in scene.real),

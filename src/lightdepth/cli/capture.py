@@ -16,7 +16,7 @@ from lightdepth.errors import InputError, warn
 
 if TYPE_CHECKING:
     from lightdepth.capture.fisheye import Circle
-    from lightdepth.capture.shoot import Shoot
+    from lightdepth.capture.shoot import MergeOptions, Shoot
 
 app = typer.Typer(help="Photographs to one HDR panorama: merge brackets, stitch orientations.", no_args_is_help=True)
 
@@ -118,12 +118,27 @@ def stitch(
         Literal["fill", "mark", "black"], typer.Option(help="What is done about directions without a photograph.")
     ] = "fill",
     gains: Annotated[bool, typer.Option(help="Make up for differences of exposure between the images.")] = True,
+    dual: Annotated[
+        bool, typer.Option("--dual", help="One picture (or bracket) of two fisheye circles side by side.")
+    ] = False,
+    circles: Annotated[
+        str | None, typer.Option(help='With --dual, the circles as "x,y,r x,y,r" in pixels; found by default.')
+    ] = None,
+    turn: Annotated[
+        float, typer.Option(help="With --dual, degrees by which the first circle is turned clockwise to stand upright.")
+    ] = 0.0,
+    distortion: Annotated[
+        str | None, typer.Option(help="With --dual, the calibrated polynomial of the lenses: a,b,c as Hugin has it.")
+    ] = None,
     report: Report = None,
 ) -> None:
     """Stitch images in several orientations to one equirectangular HDR panorama.
 
     Needs Hugin's command-line tools (Debian: hugin-tools, and enblend for --blend enblend). A folder of brackets is
     merged first, with one camera response for all.
+
+    `--dual` stitches what cameras with two lenses back to back write (Theta, Insta360, Gear 360), without Hugin:
+    lightdepth capture stitch R0010023.JPG -o pano.exr --dual
 
     Example: lightdepth capture stitch shoot/ -o lounge.exr --circle auto --fov 185 --rig paper
     """
@@ -140,6 +155,31 @@ def stitch(
     check_output(output, save_response, report)
     if width is not None and width % 2:
         raise InputError(f"--width is {width}; a panorama is twice as wide as high, so it must be even")
+    if not dual and (circles or distortion or turn):
+        raise InputError("--circles, --turn and --distortion go with --dual")
+    if dual:
+        _stitch_dual(
+            images,
+            output,
+            MergeOptions(
+                response=load_response(response) if response else None,
+                exposures=exposures,
+                align=align,
+                deghost=deghost,
+            ),
+            {
+                "projection": lens or "fisheye",
+                "fov": fov,
+                "circles": _circles(circles),
+                "distortion": _distortion(distortion),
+                "turn": turn,
+                "width": width,
+                "uncovered": uncovered,
+                "gains": gains,
+            },
+            report,
+        )
+        return
     require((*ALIGNMENT_TOOLS, *(("nona", "enblend") if blend == "enblend" else ())))
     merging = MergeOptions(
         circle=_circle(circle),
@@ -169,6 +209,65 @@ def stitch(
     if report:
         write_report(report, figures)
     _print_stitch(figures, output, picture)
+
+
+def _stitch_dual(
+    images: list[Path], output: Path, merging: MergeOptions, options: dict[str, Any], report: Path | None
+) -> None:
+    """Stitch one picture, or one bracket, of two circles."""
+    from lightdepth.capture.dual_fisheye import DualOptions, stitch_dual
+    from lightdepth.capture.output import write_image
+    from lightdepth.capture.report import dual_report, write_report
+    from lightdepth.capture.shoot import read_shoot
+
+    if options["projection"] == "rectilinear":
+        raise InputError(
+            "--lens rectilinear: shows no circle; allowed with --dual are fisheye, equisolid, stereographic"
+        )
+    with _progress() as progress:
+        shoot = read_shoot(images, merging, progress)
+        if len(shoot.orientations) != 1:
+            raise InputError(f"--dual takes one picture, or one bracket; there are {len(shoot.orientations)}")
+        stitched = stitch_dual(shoot.orientations[0], DualOptions(**options), progress)
+    picture = write_image(output, stitched.panorama.radiance, stitched.panorama.covered, panorama=True)
+    figures = dual_report(shoot, stitched)
+    if report:
+        write_report(report, figures)
+    console, summary = Console(), Table(show_header=False, box=None)
+    for index, circle in enumerate(figures["circles"]):
+        summary.add_row(f"circle {index + 1}", "{x:.1f},{y:.1f},{radius:.1f}".format(**circle))
+    summary.add_row("lens", f"{figures['lens']['projection']}, {figures['lens']['fov']:.2f}° across a circle")
+    summary.add_row("second lens", "yaw {yaw:.2f}°, pitch {pitch:.2f}°, roll {roll:.2f}°".format(**figures["second"]))
+    summary.add_row(
+        "seam", f"correlation {figures['agreement']:.3f}; differs by {figures['exposure']['disagreement']:.1%}"
+    )
+    summary.add_row("covered", f"{figures['covered']:.2%} of the sphere")
+    summary.add_row("panorama", "{} x {}".format(*figures["size"]))
+    console.print(summary)
+    for warning in figures["warnings"]:
+        console.print(f"[yellow]warning:[/] {warning}", soft_wrap=True)
+    console.print(f"{output} and {picture} written", soft_wrap=True)
+
+
+def _circles(text: str | None) -> tuple[Circle, Circle] | None:
+    from lightdepth.capture.fisheye import parse_circle
+
+    if text is None:
+        return None
+    parts = text.split()
+    if len(parts) != 2:
+        raise InputError(f"--circles is '{text}'; allowed are two circles, \"x,y,r x,y,r\", in pixels")
+    return parse_circle(parts[0]), parse_circle(parts[1])
+
+
+def _distortion(text: str | None) -> tuple[float, float, float]:
+    try:
+        a, b, c = (float(part) for part in (text or "0,0,0").split(","))
+    except ValueError:
+        raise InputError(f"--distortion is '{text}'; allowed are three numbers a,b,c") from None
+    if not max(abs(a), abs(b), abs(c)) < 1.0:
+        raise InputError(f"--distortion is '{text}'; lenses have values between -1 and 1")
+    return a, b, c
 
 
 @contextmanager

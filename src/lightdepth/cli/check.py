@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,7 +15,7 @@ from rich.text import Text
 from lightdepth.errors import InputError
 
 if TYPE_CHECKING:
-    from lightdepth.checks import Coverage, Problem
+    from lightdepth.checks import Inspection, PhotographReport
 
 COLORS = {"error": "bold red", "warning": "yellow", "hint": "cyan"}
 
@@ -37,14 +36,16 @@ def check(
     problems, coverage = inspection.problems, inspection.coverage
     if as_json:
         found = {"scene": str(scene), "problems": [asdict(problem) for problem in problems]}
+        found["photographs"] = [asdict(photograph) for photograph in inspection.photographs]
         typer.echo(json.dumps(found | {"coverage": None if coverage is None else asdict(coverage)}, indent=2))
     else:
-        _print_report(scene, problems, coverage)
+        _print_report(scene, inspection)
     if any(problem.severity is Severity.ERROR for problem in problems):
         raise typer.Exit(InputError.exit_status)
 
 
-def _print_report(scene: Path, problems: Sequence[Problem], coverage: Coverage | None) -> None:
+def _print_report(scene: Path, inspection: Inspection) -> None:
+    problems, coverage = inspection.problems, inspection.coverage
     console = Console(soft_wrap=False, highlight=False)
     if problems:
         table = Table(show_header=False, box=None, padding=(0, 1, 1, 0))
@@ -59,6 +60,23 @@ def _print_report(scene: Path, problems: Sequence[Problem], coverage: Coverage |
         console.print(
             Text(f"coverage: {100 * coverage.share:.1f} % of all directions meet a real surface ({parts}){sky}")
         )
+    if coverage is not None and inspection.photographs:
+        parts = ", ".join(f"{name} {100 * share:.1f} %" for name, share in coverage.unseen.items())
+        console.print(Text(f"seen by no panorama, of each surface's area: {parts}"))
+        for number, photograph in enumerate(inspection.photographs, 1):
+            console.print(Text(f"panorama {number}: {_comparison(photograph)}"))
     counts = {kind: sum(problem.severity == kind for problem in problems) for kind in COLORS}
     summary = ", ".join(f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items() if count)
     console.print(Text(f"{scene}: {summary or 'no problems'}"))
+
+
+def _comparison(photograph: PhotographReport) -> str:
+    """How a panorama compares with the others, in words."""
+    gain = " ".join(f"{value:.3g}" for value in photograph.gain)
+    origin = "as given" if photograph.given else f"gain {gain}, solved"
+    if not photograph.shared:
+        return f"{origin}; it shares nothing with the others"
+    return (
+        f"{origin}; {photograph.shared} directions shared, differing by {100 * photograph.deviation:.1f} % typically, by "
+        f"more than a quarter in {100 * photograph.disagrees:.1f} %"
+    )

@@ -83,7 +83,7 @@ def new(
         console.print(f"warning: {note}", style="yellow", markup=False)
     _report(console, scene, pose, guessed, things, spot, camera_height)
     if draft:
-        _draft(console, scene)
+        _draft(scene)
 
 
 def _report(
@@ -115,26 +115,20 @@ def _report(
     console.print(f"wrote {scene} with a folder of meshes; look for 'guess' in it", markup=False)
 
 
-def _draft(console: Console, scene: Path) -> None:
+def _draft(scene: Path) -> None:
     """Render the first picture roughly."""
     import importlib.util
 
-    from rich.progress import Progress
-
-    from lightdepth.api import load_scene, render
-    from lightdepth.film.layers import write_frame, write_picture
+    from lightdepth.api import load_scene
+    from lightdepth.cli.render import Interruption, Reporter, run
+    from lightdepth.session.displays import ExrDisplay, PngDisplay
+    from lightdepth.session.session import Job, Session
 
     target = scene.with_name(f"{scene.stem}-view.exr")
-    with Progress(console=console, transient=True) as bar:
-        task = bar.add_task("rendering a draft", total=1.0)
-        frame = render(
-            load_scene(scene, repair=True),
-            "view",
-            SAMPLES,
-            denoise=importlib.util.find_spec("mitsuba_oidn") is not None,
-            progress=lambda step: bar.update(task, completed=step.fraction),
-            draft=True,
-        )
-    write_frame(target, frame, layers=[])
-    write_picture(target.with_suffix(".png"), frame)
-    console.print(f"wrote {target} and {target.with_suffix('.png')}", markup=False)
+    files = [target, target.with_suffix(".png")]
+    denoise = importlib.util.find_spec("mitsuba_oidn") is not None
+    session = Session(load_scene(scene, repair=True), keep=False)
+    session.display(ExrDisplay(target, []))
+    session.display(PngDisplay(files[1]))
+    with Interruption() as interruption, Reporter("bar", files) as reporter:
+        run(session, Job("view", SAMPLES, denoise=denoise, draft=True), reporter, interruption)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
     from rich.table import Table
 
+    from lightdepth.reconstruction.depth_unit import Estimate
     from lightdepth.reconstruction.lights import Source
     from lightdepth.reconstruction.posed_panorama import PosedPanorama
     from lightdepth.reconstruction.result import Reconstruction
@@ -96,6 +97,22 @@ def layout(
             metavar='"NAME: X,Y X,Y height=H"', help="An upright sheet (screen, curtain) by its foot line. Repeatable."
         ),
     ] = None,
+    slope: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar='"X,Y X,Y X,Y ..."',
+            help="A sloped ceiling by three points or more, not in one line, where it meets walls. The ceiling is the "
+            "lowest of the slopes and of --ceiling. Repeatable.",
+        ),
+    ] = None,
+    lamp: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar='"NAME: at=X,Y from=X,Y rim=X,Y"',
+            help="A hanging lamp by the pixels of its middle, of where it hangs from the ceiling, and of its rim; or "
+            "'height=H' of its middle instead of 'from', 'radius=R' or 'size=X,Y,Z' (a box) instead of 'rim'. Repeatable.",
+        ),
+    ] = None,
     outdoor: Annotated[
         bool, typer.Option("--outdoor", help="No room: a ground disk that receives shadows; the sky is far away.")
     ] = False,
@@ -121,11 +138,14 @@ def layout(
 
     if outdoor == (floor is not None):
         raise InputError("give either --floor (a room) or --outdoor (a ground disk)")
-    if not outdoor and (ceiling is None) == (ceiling_corner is None):
+    if ceiling is not None and ceiling_corner is not None:
         raise InputError("give either --ceiling (metres) or --ceiling-corner (one click)")
+    if not outdoor and ceiling is None and ceiling_corner is None and not slope:
+        raise InputError("give --ceiling (metres), --ceiling-corner (one click), or the ceiling's slopes by --slope")
     place = read_posed_panorama(
         source, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height
     )
+    _announce(write)
     if camera_height is not None and abs(place.pose.position[2] - camera_height) > 1e-6:
         floor_level = place.pose.position[2] - camera_height
         typer.echo(
@@ -134,7 +154,7 @@ def layout(
             err=True,
         )
     surfaces = surfaces_from_layout(
-        Clicked(floor, ceiling_corner, box or [], table or [], panel or []),
+        Clicked(floor, ceiling_corner, box or [], table or [], panel or [], slope or [], lamp or []),
         place,
         camera_height=camera_height,
         ceiling=ceiling,
@@ -146,20 +166,44 @@ def layout(
 
 @app.command()
 def from_depth(
-    depth: Annotated[Path, typer.Argument(help="Equirectangular distances: .exr (channel Z), 16-bit .png, .npy.")],
+    depth: Annotated[Path, typer.Argument(help="Equirectangular distances: .exr (channel Z), .png, .npy.")],
     output: Output,
     panorama: Panorama = None,
+    estimated: Annotated[
+        bool,
+        typer.Option(
+            "--estimated",
+            help="A network made it: find its unit by the floor, and make floor, walls and ceiling plane.",
+        ),
+    ] = False,
+    camera_height: Annotated[
+        float | None,
+        typer.Option(
+            min=0.01, help="With --estimated: of the camera above the floor, metres; else its z in the scene file."
+        ),
+    ] = None,
     scale: Annotated[
         float | None, typer.Option(min=1e-9, help="Metres per unit of the file; whole numbers must have it.")
     ] = None,
     channel: Annotated[str | None, typer.Option(help="Of an OpenEXR file; found by default.")] = None,
     kind: Annotated[
         Literal["ray", "z", "disparity"] | None,
-        typer.Option(help="Distances along the ray (the default), along the viewing axis, or reciprocal ones."),
+        typer.Option(
+            help="Distances along the ray (the default), along the viewing axis, or reciprocal ones. With --estimated it "
+            "is found."
+        ),
+    ] = None,
+    inverse: Annotated[bool, typer.Option("--inverse", help="The same as --kind disparity.")] = False,
+    shift: Annotated[
+        bool | None,
+        typer.Option(
+            "--shift/--no-shift", help="With --estimated: whether there is an unknown shift; found by default."
+        ),
     ] = None,
     sky: Annotated[bool, typer.Option("--sky", help="What was not measured is sky, not a hole.")] = False,
     sky_beyond: Annotated[float | None, typer.Option(min=0.0, help="Distances from here on are sky, metres.")] = None,
     max_width: Annotated[int, typer.Option(min=64, max=4096, help="Wider images are reduced to this.")] = 1024,
+    faces: Annotated[int, typer.Option(min=1000, help="Most triangles of all surfaces together.")] = 50_000,
     floor_tolerance: FloorTolerance = 0.03,
     no_floor: NoFloor = False,
     position: Position = None,
@@ -175,23 +219,62 @@ def from_depth(
 
     Example: lightdepth reconstruct from-depth depth.png --scale 0.001 --panorama lounge.toml -o meshes
     --write lounge.toml --picture check.png
+
+    A network's depth: lightdepth reconstruct from-depth estimate.png --estimated --panorama lounge.toml -o meshes
+    --write lounge.toml --picture check.png
     """
+    from typing import cast
+
+    from lightdepth.errors import InputError
+    from lightdepth.images.distances import read_estimate
     from lightdepth.reconstruction.depth_image import read_depth_image
     from lightdepth.reconstruction.from_depth import surfaces_from_depth
-    from lightdepth.reconstruction.posed_panorama import parse_three, read_posed_panorama
+    from lightdepth.reconstruction.from_estimate import surfaces_from_estimate
+    from lightdepth.reconstruction.posed_panorama import check_same_size, parse_three, read_posed_panorama
     from lightdepth.reconstruction.result import closed
 
-    place = read_posed_panorama(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
-    image = read_depth_image(depth, scale, sky, kind, sky_beyond, channel)
+    if inverse and kind not in (None, "disparity"):
+        raise InputError(f"--inverse says that the depth is disparity, --kind {kind} says something else")
+    kind = "disparity" if inverse else kind
+    if estimated:
+        _check_estimated(kind, scale, no_floor)
+    elif shift is not None or camera_height is not None:
+        raise InputError("--shift and --camera-height find the unit of an estimate: give --estimated as well")
+    place = read_posed_panorama(
+        panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"), camera_height
+    )
+    _announce(write)
+    if estimated:
+        estimate = read_estimate(depth, channel)
+    else:
+        image = read_depth_image(depth, scale, sky, kind, sky_beyond, channel)
+    check_same_size(depth, (estimate if estimated else image.depth).shape, place)
     with _progress() as progress:
         task = progress.add_task("Meshing the depth", total=1.0)
-        measured = surfaces_from_depth(
-            image,
-            place.pose,
-            max_width,
-            None if no_floor else floor_tolerance,
-            lambda share: progress.update(task, completed=share),
-        )
+
+        def report(share: float) -> None:
+            progress.update(task, completed=share)
+
+        unit: dict[str, object] | None = None
+        if estimated:
+            found = surfaces_from_estimate(
+                estimate,
+                place.pose,
+                float(place.pose.position[2]) if camera_height is None else camera_height,
+                depth,
+                kind=cast("Estimate | None", kind),
+                shift=shift,
+                sky=sky,
+                sky_beyond=sky_beyond,
+                max_width=max_width,
+                most_faces=faces,
+                progress=report,
+            )
+            measured, unit = found.measured, found.as_dict()
+        else:
+            measured = surfaces_from_depth(
+                image, place.pose, max_width, None if no_floor else floor_tolerance, report, faces
+            )
         progress.add_task("Measuring the coverage", total=None)
         no_sky = measured.sky is None
         result = closed(
@@ -201,7 +284,18 @@ def from_depth(
             measured.floor,
             open_from_elsewhere=no_sky,
         )
-    _finish(result, place, output, write, picture, as_json)
+    _finish(result, place, output, write, picture, as_json, unit)
+
+
+def _check_estimated(kind: str | None, scale: float | None, no_floor: bool) -> None:
+    from lightdepth.errors import InputError
+
+    if scale is not None:
+        raise InputError("--estimated finds the scale by the floor: leave out --scale, or --estimated if it is known")
+    if no_floor:
+        raise InputError("--estimated finds the scale by the floor: leave out --no-floor")
+    if kind == "z":
+        raise InputError("--estimated takes distances along the rays (ray) or disparity, not z")
 
 
 @app.command()
@@ -240,6 +334,7 @@ def from_points(
     from lightdepth.reconstruction.result import closed
 
     place = read_posed_panorama(panorama, parse_three(position, "--position"), parse_three(rotation, "--rotation"))
+    _announce(write)
     require_package("pymeshlab", "points")  # Not first found out when all points are read and cleaned.
     cloud = read_points(points, scale, up.value, parse_three(origin, "--origin") or (0.0, 0.0, 0.0))
     with _progress() as progress:
@@ -329,6 +424,12 @@ def _lights_table(sources: Sequence[Source]) -> Table:
     return shown
 
 
+def _announce(scene: Path | None) -> None:
+    """Say before the work that a scene file will be begun, as a wrong name would."""
+    if scene is not None and not scene.exists():
+        typer.echo(f"{scene} does not exist and will be begun with this panorama", err=True)
+
+
 def _progress() -> Progress:
     from rich.console import Console
     from rich.progress import Progress
@@ -337,7 +438,13 @@ def _progress() -> Progress:
 
 
 def _finish(
-    result: Reconstruction, place: PosedPanorama, folder: Path, scene: Path | None, picture: Path | None, as_json: bool
+    result: Reconstruction,
+    place: PosedPanorama,
+    folder: Path,
+    scene: Path | None,
+    picture: Path | None,
+    as_json: bool,
+    estimate: dict[str, object] | None = None,
 ) -> None:
     """Write what was reconstructed and report it."""
     import json
@@ -351,6 +458,8 @@ def _finish(
     for note in place.notes:
         Console(stderr=True, soft_wrap=True, highlight=False).print(f"warning: {note}", style="yellow", markup=False)
     report = result.as_dict(folder)
+    if estimate is not None:
+        report["estimate"] = estimate
     if as_json:
         typer.echo(json.dumps(report, indent=2))
         return
@@ -359,6 +468,8 @@ def _finish(
     for entry in report["surfaces"]:
         table.add_row(entry["name"], entry["role"], str(entry["faces"]), f"{entry['area']:.1f} m2", entry["mesh"])
     console.print(table)
+    if estimate is not None:
+        console.print(f"estimate: {estimate['words']}")
     if result.floor is not None:
         console.print(f"floor at height {result.floor.offset:.3f} m, tilted {result.floor.tilt:.2f} degrees")
     before, after = result.before, result.after

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from lightdepth.lighting.gloss import RecoveredGloss
     from lightdepth.lighting.sun import RecoveredSun
 
 app = typer.Typer(no_args_is_help=True)
@@ -201,6 +202,136 @@ def clipped(
             "for matte surfaces to have albedos from 0.02 to 0.95",
             markup=False,
         )
+
+
+@app.command()
+def gloss(
+    scene: Scene,
+    surface: Annotated[
+        list[str] | None,
+        typer.Option("--surface", metavar="NAME", help="A surface that shines; all support by default. Repeatable."),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            "--picture",
+            help="A check picture (PNG): what is photographed, what is mirrored, and what stays without it.",
+        ),
+    ] = None,
+    write: Write = False,
+    as_json: Json = False,
+) -> None:
+    """How glossy real surfaces are: roughness and specular level, from windows and lamps that they mirror.
+
+    The lobe is found with which the albedo beneath varies least where highlights come and go. Where the photograph does
+    not show any, or does not determine it, nothing is written. In the check picture the mirrored highlights must lie on
+    the photographed ones.
+
+    Example: lightdepth recover gloss lounge.toml --surface floor --picture gloss.png --write
+    """
+    import json
+
+    from rich.console import Console
+
+    from lightdepth.images.png import write_png
+    from lightdepth.images.writing import check_writable
+    from lightdepth.lighting.gloss import recover_gloss
+    from lightdepth.lighting.scene_file import write_gloss
+    from lightdepth.scene.load import load_scene
+
+    if picture is not None:
+        check_writable(picture)
+    loaded = load_scene(scene)
+    found = recover_gloss(loaded, surface or [])
+    if picture is not None:
+        from lightdepth.lighting.gloss_picture import draw_gloss
+
+        write_png(picture, draw_gloss(loaded, found))
+    if write:
+        for each in found:
+            if each.gloss is not None:
+                write_gloss(scene, each.name, {"roughness": each.gloss.roughness, "specular": each.gloss.specular})
+    if as_json:
+        typer.echo(json.dumps({"surfaces": [_gloss_values(each) for each in found]}, indent=2))
+        return
+    console = Console(soft_wrap=True, highlight=False)
+    for each in found:
+        for line in _gloss_lines(each):
+            console.print(line, markup=False)
+
+
+def _gloss_values(found: RecoveredGloss) -> dict[str, Any]:
+    """All that was found, for JSON."""
+    from lightdepth.scene.lights.frame import azimuth_and_elevation
+
+    fit = found.fit
+    values: dict[str, Any] = {
+        "name": found.name,
+        "gloss": found.gloss and {"roughness": found.gloss.roughness, "specular": found.gloss.specular},
+        "finding": found.finding,
+        "confidence": found.confidence,
+    }
+    if fit is not None:
+        values |= {
+            "roughness_bounds": _rounded(fit.roughness_bounds),
+            "specular_bounds": _rounded(fit.specular_bounds),
+            "explained": round(fit.explained, 4),
+        }
+    if found.gloss is not None:
+        values["albedo"] = _rounded(found.gloss.albedo)
+    values["sources"] = [
+        {
+            **dict(zip(("azimuth", "elevation"), _rounded(azimuth_and_elevation(each.direction)), strict=True)),
+            "roughness": round(each.fit.roughness, 3),
+            "specular": round(each.fit.specular, 3),
+        }
+        for each in found.by_source
+    ]
+    return values
+
+
+def _gloss_lines(found: RecoveredGloss) -> list[str]:
+    """The same in words."""
+    from lightdepth.scene.lights.frame import azimuth_and_elevation
+
+    fit, name = found.fit, found.name
+    nothing = "; nothing is recovered"
+    if found.finding == "unseen":
+        return [f"{name}: the capture point does not see it, or only at a grazing angle{nothing}"]
+    if found.finding == "no source" or fit is None:
+        return [f"{name}: nothing bright is mirrored where the capture point sees it{nothing}"]
+    if found.finding == "matt":
+        return [
+            f"{name}: matt as far as the photograph shows: a polished surface would mirror bright sources there, but no "
+            f"highlight stands out from its colours{nothing}"
+        ]
+    (low, high), (least, most) = fit.roughness_bounds, fit.specular_bounds
+    bounds = f"roughness between {low:.3g} and {high:.3g}, specular between {least:.3g} and {most:.3g}"
+    if found.finding == "undetermined":
+        return [f"{name}: glossy, but the photograph does not determine how: {bounds}{nothing}"]
+    assert found.gloss is not None
+    too_bright = [
+        f"{name}: roughness {found.gloss.roughness:.3g}, specular {found.gloss.specular:.3g}",
+        f"  its highlights are brighter than glass or lacquer makes them ({bounds}): it is metal, or the sources are "
+        "clipped (see recover clipped), hidden from the capture point, or in the wrong place; this is the closest",
+    ]
+    recovered = [
+        f"{name}: roughness {found.gloss.roughness:.3g} ({low:.3g} to {high:.3g}), "
+        f"specular {found.gloss.specular:.3g} ({least:.3g} to {most:.3g})"
+    ]
+    return [
+        *(too_bright if found.finding == "too bright" else recovered),
+        f"  {100 * fit.explained:.0f} % of what varies between places of different highlights goes with them",
+        *(
+            "  from the source at azimuth {:.1f}, elevation {:.1f} alone: ".format(
+                *azimuth_and_elevation(each.direction)
+            )
+            + f"{each.fit.roughness:.3g}, {each.fit.specular:.3g}"
+            for each in found.by_source
+        ),
+        f"  albedo beneath: {', '.join(f'{value:.3g}' for value in found.gloss.albedo)}",
+        f"confidence: {found.confidence}",
+    ]
 
 
 def _rounded(values: Any) -> list[float | None]:

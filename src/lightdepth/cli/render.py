@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
+LARGE_ERROR, LARGE_ERROR_DENOISED = 0.03, 0.06
+"""Relative errors of the samples beyond which noise is visible, as it is and denoised."""
 
 
 def render(
@@ -290,22 +293,39 @@ class Reporter(EventReporter):
         self._files, self._exposure = files, exposure
 
     def _show(self, event: Event) -> None:
-        from lightdepth.session.events import Done, Progress, Stage
+        from lightdepth.session.events import Done, Preparing, Progress, Stage
 
+        name = self._files[0].stem
         if isinstance(event, Done) and self._kind != "json":
             self._console.print(self._ending(event))
-        elif self._bar is None:
+            if advice := self._advice(event):
+                self._console.print(advice, style="yellow", markup=False)
+        elif self._kind != "bar":
             return
         elif isinstance(event, Stage):
             if event.stage == "preparing":
-                self._console.print(f"preparing {self._files[0].stem} ...")
-            elif event.stage == "rendering":
-                self._bar.start()
-            else:
+                self._console.print(f"preparing {name} ...")
+            elif event.stage != "rendering" and self._bar is not None:
                 self._bar.stop()
+        elif isinstance(event, Preparing):
+            self._advance(f"preparing {name}", event.fraction)
         elif isinstance(event, Progress):
             facts = f"{event.samples:.0f} samples, error {100 * event.error:.1f} %"
-            self._bar.update(self._task, completed=event.fraction, facts=facts)
+            if self._bar is None:
+                facts += f", {event.seconds_left:.0f} s left"
+            self._advance(name, event.fraction, facts)
+
+    def _advice(self, done: Done) -> str:
+        """What to do about a picture with a large error."""
+        if done.error is None or done.error <= (LARGE_ERROR_DENOISED if done.denoised else LARGE_ERROR):
+            return ""
+        wanted = LARGE_ERROR_DENOISED if done.denoised else LARGE_ERROR
+        factor = math.ceil((done.error / wanted) ** 2)
+        also = "" if done.denoised else "; or --denoise"
+        return (
+            f"the estimated error is {100 * done.error:.1f} %: noise is visible. About {factor} times the --samples "
+            f"bring it to {100 * wanted:g} %, --noise {wanted:g} takes as many as that needs{also}"
+        )
 
     def _ending(self, done: Done) -> str:
         written = " and ".join(map(str, self._files))

@@ -1,8 +1,12 @@
-"""How commands report a session's events: as a bar, as a JSON object a line for programs, or in the end only."""
+"""How commands report a session's events: as a bar, as a JSON object a line for programs, or in the end only.
+
+Where there is no terminal, as in a log, the bar is a line every few seconds.
+"""
 
 from __future__ import annotations
 
 import sys
+import time
 from abc import ABC, abstractmethod
 from importlib import metadata
 from typing import TYPE_CHECKING, Self
@@ -12,6 +16,10 @@ from rich.progress import Progress, ProgressColumn
 
 if TYPE_CHECKING:
     from lightdepth.session.events import Event
+
+
+LOG_SECONDS = 5.0
+"""Time between two lines of a log."""
 
 
 class EventReporter(ABC):
@@ -27,7 +35,8 @@ class EventReporter(ABC):
         self._kind = kind
         self._console = Console(stderr=True, highlight=False, soft_wrap=True)
         self._bar: Progress | None = None
-        if kind == "bar":
+        self._logged = time.monotonic()
+        if kind == "bar" and self._console.is_terminal:
             self._bar = Progress(*columns, console=self._console, transient=False)
             self._task = self._bar.add_task(name, total=1.0, facts="")
 
@@ -55,6 +64,15 @@ class EventReporter(ABC):
             self._console.print(f"warning: {event.message}", style="yellow", markup=False)
         else:
             self._show(event)
+
+    def _advance(self, what: str, fraction: float, facts: str = "") -> None:
+        """Show how far something is: by the bar, or now and then by a line."""
+        if self._bar is not None:
+            self._bar.start()
+            self._bar.update(self._task, description=what, completed=fraction, facts=facts)
+        elif self._kind == "bar" and time.monotonic() - self._logged >= LOG_SECONDS:
+            self._logged = time.monotonic()
+            self._console.print(f"{what}: {fraction:.0%}" + (f", {facts}" if facts else ""), markup=False)
 
     @abstractmethod
     def _show(self, event: Event) -> None:

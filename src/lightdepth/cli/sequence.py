@@ -175,14 +175,11 @@ class _Reporter(EventReporter):
         if self.interruption is not None and self.interruption.asked and not self._told:
             self._told = True
             self._console.print("finishing this frame; Ctrl-C again drops it", style="yellow")
-        if self._bar is None:
-            return
-        self._bar.start()
         at = "" if event.frame is None else f"frame {event.frame}, "
         others = f", {event.elsewhere} elsewhere" if event.elsewhere else ""
         left = "" if event.seconds_left is None else f", {_span(event.seconds_left)} left"
         facts = f"{at}{event.done} of {event.total} done{others}{left}"
-        self._bar.update(self._task, completed=event.fraction, facts=facts)
+        self._advance("frames", event.fraction, facts)
 
     def print_states(self) -> None:
         """Say what is on disk."""

@@ -15,6 +15,8 @@ from lightdepth.kernel.arrays import aligned
 from lightdepth.transport.integrator import CameraSums
 
 PIXELS_AT_ONCE = 1 << 20
+AROUND = 9
+"""Pixels side by side whose mean brightness stands for that of a pixel with a single sample."""
 
 
 @dataclass(frozen=True)
@@ -124,6 +126,34 @@ class Accumulator:
             brightness = np.maximum(beauty.mean(axis=1), 0.0) + np.float32(floor)
             errors[part] = np.sqrt(means.variance.mean(axis=1)) / brightness**exponent
         return errors
+
+    def single_sample_errors(self, floor: float) -> NDArray[np.float32]:
+        """Estimated relative error of pixels that have one sample each, shape (n,), float32; 0 of all others.
+
+        A single sample does not tell its own variance, but neighbours do: half the squared difference of two that show
+        the same kind of surface, as far as they show the same.
+
+        Args:
+            floor: radiance that is added to the brightness.
+        """
+        count = len(self._pixels)
+        grey, brightness, coverage = (np.empty(count, np.float32) for _ in range(3))
+        for part, means in self._means(self._sums()):
+            new = (means.change + means.synthetic).mean(axis=1)
+            grey[part], coverage[part] = new, means.coverage
+            plate = self._plate[self._pixels[part]].mean(axis=1)
+            brightness[part] = np.maximum(plate * (1.0 - means.coverage) + new, 0.0)
+        single = self.taken == 1
+        pair = np.flatnonzero(single[:-1] & single[1:] & (np.diff(self._pixels.astype(np.int64)) == 1))
+        pair = pair[coverage[pair] == coverage[pair + 1]]
+        if not len(pair):
+            return np.where(single, np.float32(np.inf), np.float32(0.0))
+        # The brightness of a single sample is as uncertain as the sample.
+        around = np.convolve(brightness, np.full(AROUND, 1.0 / AROUND), "same")[pair] + floor
+        squared = np.full(count, np.nan)
+        squared[pair] = 0.5 * np.square((grey[pair + 1] - grey[pair]) / around)
+        squared[np.isnan(squared)] = float(np.mean(squared[pair]))
+        return np.where(single, np.sqrt(squared), 0.0).astype(np.float32)
 
     def change_and_brightness(self, floor: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Size of the change of each pixel, and its brightness with ``floor`` added, each shape (n,), float32."""

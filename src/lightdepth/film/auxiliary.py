@@ -159,5 +159,5 @@ def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Colo
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, mi.Vector3f(si.sh_frame.n), hit.normal & on_real)
-    photographed = dr.minimum(place.photograph.sharp(hit, ray.d), 1.0) & inside
+    photographed = dr.minimum(place.photograph.sharp(hit, ray), 1.0) & inside
     return normal, dr.select(on_synthetic, diffuse, photographed), _shapes(prepared, found, inside)

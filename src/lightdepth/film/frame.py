@@ -29,6 +29,8 @@ class Frame:
         depth: distance along the ray in metres, shape (height, width), float32; inf is sky.
         normal: unit normals in world space, shape (height, width, 3), float16 or float32.
         albedo: albedo of what is seen, shape (height, width, 3), float16 or float32.
+        photograph: of several photographs, the share of each in the plate, shape (height, width, k), float32; all are 0
+            where none of them sees what the pixel shows. ``None`` where there is one.
         variance: variance of the mean of ``beauty``, shape (height, width, 3), float32.
         samples: number of samples spent, shape (height, width), uint32.
         metadata: facts for the file's header, by name.
@@ -46,6 +48,7 @@ class Frame:
     depth: NDArray[np.float32] | None = None
     normal: NDArray[np.floating] | None = None
     albedo: NDArray[np.floating] | None = None
+    photograph: NDArray[np.float32] | None = None
     variance: NDArray[np.float32] | None = None
     samples: NDArray[np.uint32] | None = None
     metadata: dict[str, str] = field(default_factory=dict)

@@ -27,12 +27,13 @@ LAYERS: dict[str, tuple[str, type[np.generic]]] = {
     "depth": ("Z", np.float32),
     "normal": ("XYZ", np.float16),
     "albedo": ("RGB", np.float16),
+    "photograph": ("share", np.float32),
     "variance": ("RGB", np.float32),
     "samples": ("samples", np.uint32),
     "cryptomatte": ("", np.float32),
 }
 """Channels and pixel type of each layer of a frame. Half floats only where nobody could see the difference."""
-AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo", "cryptomatte"})
+AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo", "photograph", "cryptomatte"})
 """Those that take time of their own, see ``lightdepth.film.auxiliary``."""
 PART_NAMES = {"coverage": "alpha"}
 """Names of parts that are not the layer's own."""
@@ -91,6 +92,8 @@ def _channels(names: str, pixels: np.ndarray) -> dict[str, np.ndarray]:
     """A layer's channels for the file; RGB stays interleaved, which saves a copy."""
     if names == "XYZ":
         return {name: pixels[:, :, i] for i, name in enumerate(names)}
+    if names == "share":
+        return {f"share{number}": pixels[:, :, number - 1] for number in range(1, pixels.shape[2] + 1)}
     return {names: pixels}
 
 
@@ -111,6 +114,8 @@ def read_frame(path: Path) -> Frame:
         if part is None:
             continue
         names = list(channels) if channels in ("RGB", "XYZ") else [channels]
+        if channels == "share":
+            names = [f"share{number}" for number in range(1, max(len(part.channels), 1) + 1)]
         absent = [name for name in names if name not in part.channels]
         if absent:
             raise InputError(f"{path}: part '{part.name}' lacks the channel '{absent[0]}'")

@@ -83,7 +83,10 @@ class PictureError:
     def own(self) -> NDArray[np.float32]:
         """Relative errors of the pixels from the noise of their own samples, shape (n,)."""
         with DEVICE_LOCK:
-            return self._accumulator.relative_errors(self._dark)
+            errors = self._accumulator.relative_errors(self._dark)
+            if (self._accumulator.taken == 1).any():  # As in a draft.
+                errors = np.maximum(errors, self._accumulator.single_sample_errors(self._dark))
+            return errors
 
     def reducible(self, contrast: float) -> NDArray[np.float32]:
         """What more samples reduce of them, relative to a power of the pixels' brightness, shape (n,)."""

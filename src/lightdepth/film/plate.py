@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -10,32 +12,36 @@ from scipy.stats.qmc import Sobol
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
+from lightdepth.film.highlights import Highlights
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
 from lightdepth.parameters.film import DEFAULT, FilmParameters
+from lightdepth.place.feather import mask_feather
 from lightdepth.place.place import Place
 from lightdepth.preparation import Prepared
 from lightdepth.scene.identity import digest
 from lightdepth.scene.model import Panorama
 
+SHARE_POINTS = 2
+"""Along each side of a pixel, at which the photographs' shares are looked up."""
 KEPT, LARGEST_KEPT = 2, 1 << 22
 """Plates that a prepared place keeps, and pixels of the largest."""
 
 
 def kept_plate(
     view: Viewpoint,
-    panorama: Panorama,
+    panoramas: Sequence[Panorama],
     prepared: Prepared,
     draft: bool = False,
     parameters: FilmParameters = DEFAULT,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """:func:`render_plate`, taken from the prepared place where it keeps it: objects play no part in it."""
     width, height = view.resolution
-    if view.same_pixels(panorama.viewpoint) or width * height > LARGEST_KEPT:
-        return render_plate(view, panorama, prepared.place, draft, parameters)
+    if any(view.same_pixels(each.viewpoint) for each in panoramas) or width * height > LARGEST_KEPT:
+        return render_plate(view, panoramas, prepared.place, draft, prepared.gains, parameters)
     plates, key = prepared.plates, digest(view, draft, parameters)
     if key not in plates:
-        plates[key] = render_plate(view, panorama, prepared.place, draft, parameters)
+        plates[key] = render_plate(view, panoramas, prepared.place, draft, prepared.gains, parameters)
         while len(plates) > KEPT:
             plates.pop(next(iter(plates)))
     plate, alpha = plates[key]
@@ -43,26 +49,72 @@ def kept_plate(
 
 
 def render_plate(
-    view: Viewpoint, panorama: Panorama, place: Place, draft: bool = False, parameters: FilmParameters = DEFAULT
+    view: Viewpoint,
+    panoramas: Sequence[Panorama],
+    place: Place,
+    draft: bool = False,
+    gains: NDArray[np.float32] | None = None,
+    parameters: FilmParameters = DEFAULT,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Resample the photograph for a camera.
+    """Resample what was photographed for a camera.
 
     Args:
         view: the camera.
-        panorama: the photograph.
-        place: the same with its geometry.
+        panoramas: the photographs.
+        place: the same with their geometry.
         draft: one point in each pixel will do.
+        gains: of each photograph, per channel, shape (k, 3); ``None`` is 1.
         parameters: how many points at least and at most.
 
     Returns:
         ``(plate, alpha)``, shapes (height, width, 3) and (height, width), float32: radiance, black outside the
-        camera's image, and the share of each pixel inside it. A camera whose pixels are the panorama's gets these,
-        bit for bit; any other one the mean over a grid of points in each pixel, fine enough for the panorama's detail.
+        camera's image, and the share of each pixel inside it. A camera whose pixels are those of a panorama gets these,
+        bit for bit, but for what its mask leaves out; any other one the mean over a grid of points in each pixel, fine
+        enough for the panorama's detail.
         A lens with an aperture blurs the photograph as it blurs the objects: the mean is over points of the lens as well.
+        What glossy surfaces mirror is that which they mirror toward this camera (:mod:`lightdepth.film.highlights`).
     """
+    own = next((index for index, each in enumerate(panoramas) if view.same_pixels(each.viewpoint)), None)
+    if own is None:
+        return _resampled(view, place, draft, parameters)
+    pixels, mask = panoramas[own].shown_radiance, panoramas[own].mask
+    if gains is not None and not (gains[own] == 1.0).all():
+        pixels = pixels * gains[own]
+    if mask is None:
+        return pixels, np.ones(pixels.shape[:2], np.float32)
+    around, alpha = _resampled(view, place, draft, parameters)
+    return np.where((mask_feather(mask) == 1.0)[..., None], pixels, around), alpha
+
+
+def render_shares(view: Viewpoint, place: Place) -> NDArray[np.float32] | None:
+    """Share of each photograph in a plate, shape (height, width, k); ``None`` where there is one photograph.
+
+    All are 0 where no photograph sees what the pixel shows.
+    """
+    if len(place.photograph.each) == 1:
+        return None
     width, height = view.resolution
-    if view.same_pixels(panorama.viewpoint):
-        return panorama.radiance, np.ones((height, width), np.float32)
+    shares = np.empty((height, width, len(place.photograph.each)), np.float32)
+    for band in bands(width, height):
+        totals = [dr.zeros(mi.Float, dr.width(band.row)) for _ in place.photograph.each]
+        dr.make_opaque(totals)
+        for i, j in np.ndindex(SHARE_POINTS, SHARE_POINTS):
+            offset = mi.Point2f((i + 0.5) / SHARE_POINTS, (j + 0.5) / SHARE_POINTS)
+            dr.make_opaque(offset)
+            seen = view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
+            hit = place.surfaces.first_real(seen.ray, seen.inside)
+            found = place.photograph.shares(hit, seen.ray)
+            totals = [total + dr.select(seen.inside, share, 0.0) for total, share in zip(totals, found, strict=True)]
+            dr.eval(totals)
+        shares[band.rows] = np.stack([total.numpy() for total in totals], axis=-1).reshape(*band.shape, -1)
+    return shares / np.float32(SHARE_POINTS**2)
+
+
+def _resampled(
+    view: Viewpoint, place: Place, draft: bool, parameters: FilmParameters
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """The mean over points in each pixel, and the share of it inside the camera's image."""
+    width, height = view.resolution
     subpixels = 1 if draft else _subpixels(view, place, parameters.most_plate_subpixels)
     grid = (np.arange(subpixels) + 0.5) / subpixels
     middle = np.full((subpixels, subpixels), 0.5)
@@ -72,6 +124,7 @@ def render_plate(
         fewest, most = parameters.fewest_lens_points, parameters.most_lens_points
         count = fewest if draft else _lens_points(view, place, fewest, most)
         points = Sobol(4, rng=0).random(count)
+    highlights = Highlights(place, len(points), draft) if Highlights.move(view, place) else None
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
     for band in bands(width, height):
@@ -83,18 +136,23 @@ def render_plate(
             radius = _blur(view, place, view.pixel_rays(band.column, band.row, mi.Point2f(0.5), mi.Point2f(0.5)))
             margin = dr.maximum(1.0, radius * float(np.sqrt(np.pi / len(points))))
             dr.eval(margin)
+        moved = None if highlights is None else highlights.of_band(band)
         for point in points:
             # Point by point, so that one small kernel serves all of them.
             offset, lens = mi.Point2f(*map(float, point[:2])), mi.Point2f(*map(float, point[2:]))
             dr.make_opaque(offset, lens)
             within = 0.5 + (offset - 0.5) * margin if blurred else offset
             seen = view.pixel_rays(band.column, band.row, within, lens)
-            hit = place.surfaces.first_real(seen.ray, seen.inside)
-            total += place.photograph.sharp(hit, seen.ray.d) & seen.inside
+            hit = place.surfaces.first_real(seen.ray, seen.inside, coherent=True)
+            total += place.photograph.sharp(hit, seen.ray) & seen.inside
             share += dr.select(seen.inside, 1.0, 0.0)
             dr.eval(total, share)
+            if moved is not None:
+                moved.add(hit, seen)
         scale = 1.0 / len(points)
         plate[band.rows] = (total * scale).numpy().T.reshape(*band.shape, 3)
+        if moved is not None:
+            plate[band.rows] = np.maximum(plate[band.rows] + moved.change(), 0.0)
         alpha[band.rows] = (share * scale).numpy().reshape(band.shape)
     return plate, alpha
 
@@ -122,4 +180,4 @@ def _subpixels(view: Viewpoint, place: Place, most: int) -> int:
     seen = view.rays(mi.Point2f(x, y), mi.Point2f(0.5))
     beside = view.rays(mi.Point2f(x, y + 1.0 / height), mi.Point2f(0.5))
     angle = float(np.max(dr.norm(seen.ray.d - beside.ray.d).numpy()))
-    return int(np.clip(np.ceil(angle * place.photograph.map.height / np.pi), 2, most))
+    return int(np.clip(np.ceil(angle * place.photograph.rows / np.pi), 2, most))

@@ -23,7 +23,7 @@ from lightdepth.film.frame import EXPOSURE, Frame
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.picture_error import PictureError
 from lightdepth.film.pixel_list import PixelList
-from lightdepth.film.plate import kept_plate
+from lightdepth.film.plate import kept_plate, render_shares
 from lightdepth.film.sampling import Sampling
 from lightdepth.film.schedule import Region, Round, Target, passes, pilot_samples
 from lightdepth.film.selection import influenced_pixels
@@ -87,7 +87,7 @@ class Rendering:
         self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
         self.share, self._parameters = share, scene.render.parameters.film
         with DEVICE_LOCK:
-            self.plate, self.alpha = kept_plate(view, scene.panorama, prepared, scene.render.draft, self._parameters)
+            self.plate, self.alpha = kept_plate(view, scene.panoramas, prepared, scene.render.draft, self._parameters)
             self.pixels = influenced_pixels(view, prepared)
             self._list = PixelList(view, self.pixels)
             plate = self.plate.reshape(-1, 3)
@@ -218,6 +218,7 @@ class Rendering:
             names = shape_names(self._scene.synthetic)
             seen = render_auxiliary(self._view, self._prepared, names, frame.coverage, self._parameters)
             frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
+            frame.photograph = render_shares(self._view, self._prepared.place)
             owners = [index for index, _ in self._prepared.shapes]
             frame.object_id = seen.mattes.dominant(frame.coverage.size, owners).reshape(frame.coverage.shape)
         return frame

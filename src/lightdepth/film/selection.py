@@ -23,7 +23,8 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
     """Pixels that see new surfaces or surfaces that receive their influence, row-major indices, ascending.
 
     A ray is traced through each corner and the middle of every tile; a tile counts if it or any of its neighbours meets
-    a synthetic or a support surface, or if an object's bounds reach into it, so that nothing thin is missed.
+    a synthetic surface, support, or a glossy surface, or if an object's bounds reach into it, so that nothing thin is
+    missed.
     """
     surfaces = prepared.surfaces
     width, height = view.resolution
@@ -43,7 +44,7 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
             found = first_hit(surfaces.all, ray, coherent=True, active=inside)
             on_real = surfaces.is_real(found)
             hit = surfaces.real_hit(ray, found, on_real)
-            reached |= inside & found.is_valid() & (~on_real | surfaces.receives(hit))
+            reached |= inside & found.is_valid() & (~on_real | surfaces.scatters(hit))
             rays.append(ray)
         middle, *corners = rays
         cosines = [dr.dot(corner.d, middle.d) for corner in corners]

@@ -48,6 +48,52 @@ def read_distances(path: Path, channel: str | None = None) -> tuple[FloatArray, 
     Raises:
         InputError: the file is missing, unreadable, of another format or shape, or it is not clear what is meant.
     """
+    values = _read(path, channel)
+    if values.dtype == np.uint8:
+        raise InputError(
+            f"{path}: has one channel of 8 bit, and distances in metres need one channel of 16 bit; if a network estimated "
+            "them, 'reconstruct from-depth --estimated' takes them"
+        )
+    whole = bool(np.issubdtype(values.dtype, np.integer))
+    with np.errstate(invalid="ignore"):  # Of signalling NaN, which stay NaN.
+        distances = values.astype(np.float64)
+    if path.suffix.lower() == ".png":
+        distances[values == UNMEASURED] = np.nan
+    elif not whole:
+        distances[(distances >= FARTHEST) | (distances == LARGEST_HALF)] = np.inf
+    return distances, whole
+
+
+def read_estimate(path: Path, channel: str | None = None) -> FloatArray:
+    """Read what a network estimated: distances or disparity in an unknown unit, in which any number may be meant.
+
+    Args:
+        path: OpenEXR, a PNG of 8 or 16 bit, or a NumPy array in a .npy file.
+        channel: of an OpenEXR file, by its full name; ``None`` finds it.
+
+    Returns:
+        Shape (height, 2 height); NaN where the file says that nothing is known, inf for sky.
+
+    Raises:
+        InputError: see :func:`read_distances`; or all values are the same.
+    """
+    with np.errstate(invalid="ignore"):
+        values = _read(path, channel).astype(np.float64)
+    values[values >= FARTHEST] = np.inf
+    values[values <= -FARTHEST] = np.nan
+    known = values[np.isfinite(values)]
+    if not known.size:
+        raise InputError(f"{path}: no pixel holds a finite number")
+    if known.min() == known.max():
+        raise InputError(
+            f"{path}: holds the same value, {known.min():g}, everywhere; this is no depth of a place. Was the picture "
+            "exported with the wrong range or channel?"
+        )
+    return values
+
+
+def _read(path: Path, channel: str | None) -> np.ndarray:
+    """The numbers of a file as they are, shape (height, 2 height)."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     reader = READERS.get(path.suffix.lower())
@@ -63,13 +109,7 @@ def read_distances(path: Path, channel: str | None = None) -> tuple[FloatArray, 
             f"{path}: depth has shape {shape}; rows and columns are needed, twice as many columns as rows, such as "
             "(512, 1024): it must be twice as wide as high"
         )
-    whole = bool(np.issubdtype(values.dtype, np.integer))
-    distances = values.astype(np.float64)
-    if path.suffix.lower() == ".png":
-        distances[values == UNMEASURED] = np.nan
-    elif not whole:
-        distances[(distances >= FARTHEST) | (distances == LARGEST_HALF)] = np.inf
-    return distances, whole
+    return values
 
 
 def along_rays(values: FloatArray, kind: Kind, scale: float = 1.0) -> FloatArray:
@@ -211,9 +251,12 @@ def _from_npy(path: Path) -> np.ndarray:
 
 def _from_png(path: Path) -> np.ndarray:
     values = read_pixels(path, "PNG file")
-    if values.dtype != np.uint16 or values.shape[2] != 1:
+    bits, channels = 8 * values.itemsize, values.shape[2]
+    colours = values[:, :, : channels - 1 if channels in (2, 4) else channels]
+    if values.dtype not in (np.uint8, np.uint16) or (colours != colours[:, :, :1]).any():
         raise InputError(
-            f"{path}: has {values.shape[2]} channel(s) of {8 * values.itemsize} bit; depth needs one channel of 16 bit"
+            f"{path}: has {channels} channels of {bits} bit that differ; depth is one number a pixel. A picture in false "
+            "colours is for looking at only: export the depth in grey, 16 bit, or as a NumPy array"
         )
     return values[:, :, 0]
 

@@ -32,7 +32,7 @@ def read_panorama(path: Path) -> PanoramaImage:
         raise InputError(f"{path}: no such file")
     reader = KINDS.get(path.suffix.lower())
     if reader is None:
-        hint = "; convert it to JPEG or TIFF" if path.suffix.lower() in (".heic", ".heif", ".avif", ".webp") else ""
+        hint = "; convert it to JPEG or TIFF" if path.suffix.lower() in (".avif", ".webp") else ""
         hint = hint or ("; develop it with `lightdepth capture`" if path.suffix.lower() == ".dng" else "")
         raise InputError(
             f"{path}: '{path.suffix}' is not a format for a panorama; allowed are {', '.join(KINDS)}{hint}"

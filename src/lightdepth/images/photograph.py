@@ -1,7 +1,8 @@
-"""Panoramas as cameras and stitching programs save them: JPEG, PNG and TIFF, to linear radiance."""
+"""Panoramas as cameras and stitching programs save them: JPEG, PNG, TIFF and HEIC, to linear radiance."""
 
 from __future__ import annotations
 
+import io
 import struct
 import warnings
 from pathlib import Path
@@ -14,11 +15,16 @@ from PIL import Image, TiffImagePlugin
 from lightdepth.directions import pixel_solid_angles
 from lightdepth.errors import InputError
 from lightdepth.images.filling import fill
+from lightdepth.images.gain_map import GainMap, has_gain_map, read_gain_map
 from lightdepth.images.gpano import PhotoSphere, read_photo_sphere
 from lightdepth.images.icc import ColourProfile, read_profile, srgb_profile
 from lightdepth.images.panorama_image import PanoramaImage
+from lightdepth.packages import optional_package
 
-EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
+HEIF = (".heic", ".heif")
+EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF)
+SAME_PRIMARIES, SCREEN_CURVES = (1, 2), (1, 2, 6, 13)
+"""Numbers of ITU-T H.273 for colours: primaries of Rec.709 or unknown, and transfer curves of pictures for the screen."""
 _ORIENTATION = 274
 _XMP_TAG, _ICC_TAG = 700, 34675
 TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
@@ -44,10 +50,13 @@ def read_photograph(path: Path) -> PanoramaImage:
 
     Raises:
         InputError: the file is unreadable, no panorama, mirrored, upside down, or in colours that are not read.
+        SetupError: HEIC, and the package that reads it is not installed.
     """
+    if path.suffix.lower() in HEIF:
+        optional_package("pillow_heif", "heic").register_heif_opener()
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
-        pixels, profile, xmp = _decoded(path)
+        warnings.filterwarnings("ignore", module="PIL")  # Of many pixels, and of EXIF data that are not read here.
+        pixels, profile, xmp, gains = _decoded(path)
     height, width = pixels.shape[:2]
     sphere = read_photo_sphere(xmp, width, height, str(path))
     _check_shape(pixels, sphere, path)
@@ -56,11 +65,19 @@ def read_photograph(path: Path) -> PanoramaImage:
     if pixels.shape[2] == 4:
         known = pixels[..., 3] > 0
         pixels = pixels[..., :3]
-    radiance = _linear(pixels, profile)
-    if pixels.dtype.kind == "u":
+    gain_map = gains if isinstance(gains, GainMap) else None
+    radiance = _linear(pixels, profile, gain_map)
+    if gain_map is not None:
+        notes.append(
+            f"{path}: is HDR by its gain map, up to {gain_map.headroom:.3g} times the screen's white; lamps and suns that "
+            "are brighter are cut off there, and TOO DARK. `lightdepth recover clipped` recovers what they light"
+        )
+    elif pixels.dtype.kind == "u":
         notes.append(_clipped_note(pixels, known, path))
-    if b"hdrgm:" in xmp or b"HDRGainMap" in xmp:
-        notes.append(f"{path}: holds a gain map, which is not read; export the HDR picture as OpenEXR or float TIFF")
+    if isinstance(gains, str):
+        notes.append(
+            f"{path}: holds a gain map, which is not read ({gains}); export the HDR picture as OpenEXR or float TIFF"
+        )
     if sphere is not None and (height, width) != (sphere.full_height, sphere.full_width):
         radiance, known = _padded(radiance, known, sphere)
     unknown = None
@@ -75,8 +92,9 @@ def read_photograph(path: Path) -> PanoramaImage:
     return PanoramaImage(radiance, None if sphere is None else sphere.rotation, tuple(notes), unknown)
 
 
-def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes]:
-    """Pixels of shape (h, w, 3 or 4) as uint8, uint16 or float32, the profile, and the XMP packet."""
+def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str | None]:
+    """Pixels of shape (h, w, 3 or 4) as uint8, uint16 or float32, profile, XMP packet, gain map or why it is not read."""
+    gains: GainMap | str | None = None
     try:
         with path.open("rb") as file:
             start = file.read(25)
@@ -84,10 +102,14 @@ def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes]:
             icc, xmp, orientation = _tiff_tags(path)
             pixels = None
         else:
-            with Image.open(path) as image:
+            # From memory, which gives no more than there is, whatever length a damaged chunk states.
+            with Image.open(io.BytesIO(path.read_bytes())) as image:
                 icc, xmp = image.info.get("icc_profile"), _xmp(image)
                 orientation = int(image.getexif().get(_ORIENTATION, 1) or 1)
                 pixels = None if _sixteen_bit(start) else _eight_bit(image, path)
+                if path.suffix.lower() in HEIF:
+                    _check_heif_colours(image, path)
+                gains = _gains(path, image, xmp)
     except (OSError, SyntaxError, ValueError, TypeError, struct.error, Image.DecompressionBombError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "damaged, or of another format"
         raise InputError(f"{path}: not a readable picture ({reason})") from error
@@ -103,7 +125,32 @@ def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes]:
         profile = read_profile(icc) if icc else srgb_profile()
     except ValueError as error:
         raise InputError(f"{path}: {error}; save the picture in sRGB") from error
-    return pixels, profile, xmp
+    return pixels, profile, xmp, gains
+
+
+def _gains(path: Path, image: Image.Image, xmp: bytes) -> GainMap | str | None:
+    """The gain map of a picture, or why it is not read; ``None`` where there is none."""
+    if has_gain_map(xmp):
+        try:
+            return read_gain_map(path, image)
+        except ValueError as error:
+            return str(error)
+    auxiliary = image.info.get("aux") or {}
+    apple = b"HDRGainMap" in xmp or any("hdrgainmap" in str(kind).lower() for kind in auxiliary)
+    return "it is of another kind" if apple else None
+
+
+def _check_heif_colours(image: Image.Image, path: Path) -> None:
+    """Refuse HEIC whose colours are stated by numbers that are not sRGB's, in place of a profile."""
+    numbers = image.info.get("nclx_profile") or {}
+    if image.info.get("icc_profile") or not numbers:
+        return
+    primaries, curve = (int(numbers.get(name, 2)) for name in ("color_primaries", "transfer_characteristics"))
+    if primaries not in SAME_PRIMARIES or curve not in SCREEN_CURVES:
+        raise InputError(
+            f"{path}: its colours (primaries {primaries}, curve {curve} of ITU-T H.273) are not those of sRGB; save it as "
+            "JPEG or 16-bit TIFF in sRGB"
+        )
 
 
 def _xmp(image: Image.Image) -> bytes:
@@ -170,8 +217,8 @@ def _check_shape(pixels: NDArray, sphere: PhotoSphere | None, path: Path) -> Non
         )
     if sphere is None and _is_dual_fisheye(pixels):
         raise InputError(
-            f"{path}: shows two fisheye circles side by side, not an equirectangular panorama; stitch it with the "
-            "program of the camera's maker, or cut it in two and use `lightdepth capture stitch --circle auto`"
+            f"{path}: shows two fisheye circles side by side, not an equirectangular panorama; stitch it with "
+            f"`lightdepth capture stitch {path.name} -o {path.stem}.exr --dual`, or with the program of the camera's maker"
         )
 
 
@@ -185,7 +232,7 @@ def _is_dual_fisheye(pixels: NDArray) -> bool:
     return bool(inside.mean() > 0 and np.percentile(outside, 90) < DARK_CORNER * inside.mean())
 
 
-def _linear(pixels: NDArray, profile: ColourProfile) -> NDArray[np.float32]:
+def _linear(pixels: NDArray, profile: ColourProfile, gain_map: GainMap | None) -> NDArray[np.float32]:
     if pixels.dtype.kind == "u":
         levels = np.iinfo(pixels.dtype).max + 1
         at = np.linspace(0.0, 1.0, levels)
@@ -196,6 +243,8 @@ def _linear(pixels: NDArray, profile: ColourProfile) -> NDArray[np.float32]:
             radiance[..., channel] = table[pixels[..., channel]]
     else:
         radiance = np.ascontiguousarray(pixels, np.float32)
+    if gain_map is not None:
+        radiance = gain_map.applied(radiance)
     if (profile.to_rec709 != np.eye(3)).any():
         # Colours outside Rec.709 have negative parts, which light cannot have.
         radiance = np.maximum(radiance @ profile.to_rec709.T.astype(np.float32), 0.0)

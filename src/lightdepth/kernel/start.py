@@ -21,6 +21,7 @@ DEVICE_LOCK = threading.RLock()
 device busy anyway. Renderings in several threads take turns pass by pass."""
 _LOCK = threading.Lock()
 OLDEST_LLVM = 17
+PROCESSORS = Path("/proc/cpuinfo")
 _INSTALL_HINT = (
     "Install it with `pip install karellen-llvm-core`, or set DRJIT_LIBLLVM_PATH to the file of a libLLVM shared "
     f"library, version {OLDEST_LLVM} or later."
@@ -76,6 +77,23 @@ def libllvm_version(library: Path) -> int:
     return major.value
 
 
+def check_processor() -> None:
+    """Make sure that the processor runs what Dr.Jit compiles: without FMA, the first kernel would abort the process.
+
+    Raises:
+        SetupError: it is an x86-64 processor without FMA.
+    """
+    try:
+        flags = next(line for line in PROCESSORS.read_text().splitlines() if line.startswith("flags"))
+    except (OSError, StopIteration):
+        return
+    if "fma" not in flags.partition(":")[2].split():
+        raise SetupError(
+            "this processor has no FMA instructions, which the renderer needs on the CPU; all x86-64 processors with AVX2 "
+            "have them (Intel from 2013, AMD from 2015 on)"
+        )
+
+
 def start(device: Device = "auto") -> str:
     """Load Mitsuba and choose its variant; a process keeps the one that it started with.
 
@@ -87,7 +105,8 @@ def start(device: Device = "auto") -> str:
 
     Raises:
         SetupError: libLLVM is missing, too old or broken, or Dr.Jit was imported before and found an old one by itself;
-            CUDA was asked for and there is none; or the process already computes on another device.
+            the processor has no FMA; CUDA was asked for and there is none; or the process already computes on another
+            device.
     """
     with _LOCK:
         return _start(device)
@@ -138,6 +157,8 @@ def _load(device: Device) -> str:
             "allowed here: auto, cpu"
         )
     variant = VARIANTS["cuda" if device == "cuda" else "cpu"]
+    if device != "cuda":
+        check_processor()
     try:
         mi.set_variant(variant)
     except (ImportError, RuntimeError) as error:

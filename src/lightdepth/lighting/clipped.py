@@ -31,6 +31,12 @@ DARKEST, WHITEST = 0.02, 0.95
 """Albedos that the typical surface has at least, and every one at most: the bounds where nothing else narrows them."""
 NOT_CLIPPED = 0.1
 """Share of the source's light, up to which what is missing may be the recovery's own error."""
+LEAST_CERTAIN = 0.3
+"""Relative standard error of a gain from falloff beyond which the photograph does not determine it."""
+MORE_THAN_GLOW = 4.0
+"""Times the clipped light of a large plateau of sky that, where they are missing, are the sun's."""
+LARGEST_GLOW = 25.0
+"""Degrees of a plateau's angular radius up to which its middle says where in it the sun stands."""
 ROUNDS = 3
 """In which several sources are recovered, each with what the last round found of the others."""
 POINTS = 1500
@@ -143,7 +149,8 @@ def _recovered(
     if grey:
         extra, error, method = (*_from_grey(view, explained, grey, direction, now), "known albedo")
     elif pairs:
-        extra, error, method = (*_from_pairs(view, explained, pairs, direction), "clicked pairs")
+        only = ExplainedLight(_alone(scene, share), scene.real, scene.render.seed)
+        extra, error, method = (*_from_pairs(view, explained, only, pairs, direction), "clicked pairs")
     elif sunlight is not None:
         edges = measured(view, predicted_edges(view, sunlight, direction), REACH)
         edges = edges.where(np.isfinite(edges.offset))
@@ -153,9 +160,16 @@ def _recovered(
             extra, error, method = combined.value, combined.uncertainty, "shadow edges"
     if extra is None:
         gain, relative = fit_gain(scene, view, share)
-        if gain is None:
+        if gain is None or not np.all(relative <= LEAST_CERTAIN):
             return nothing
         extra, error, method = (gain - 1.0) * now, relative * gain * now, "falloff"
+    glow = plateau.sky and not sun and plateau.angular_radius <= LARGEST_GLOW
+    if glow and float(extra.sum()) > MORE_THAN_GLOW * float(now.sum()):
+        place = _source_at(scene, plateau, direction, diameter)  # No glow misses that much: it is the sun's disc.
+        share = covered(scene.panorama.radiance, place)
+        angles = pixel_solid_angles(*share.shape)[:, None] * share
+        now = (scene.panorama.radiance * angles[..., None]).sum(axis=(0, 1)).astype(np.float64)
+        nothing = replace(nothing, clipped_irradiance=now)
     total = np.maximum(now + extra, now)
     if float((total - now).sum()) <= NOT_CLIPPED * float(total.sum()):
         return replace(nothing, method="not clipped")
@@ -194,14 +208,27 @@ def _sun_within(
 
 
 def _from_pairs(
-    view: PanoramaView, explained: ExplainedLight, pairs: Sequence[Pair], direction: FloatArray
+    view: PanoramaView,
+    explained: ExplainedLight,
+    only: ExplainedLight,
+    pairs: Sequence[Pair],
+    direction: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
-    """Irradiance beyond the map's on a surface that faces the source, from clicked pairs, and its standard error."""
+    """Irradiance beyond the map's on a surface that faces the source, from clicked pairs, and its standard error.
+
+    Args:
+        view: the photograph.
+        explained: all light of the map.
+        only: that of the source alone.
+        pairs: what was clicked.
+        direction: toward the source, unit, world, shape (3,).
+    """
     lit, shaded = np.array([pair.lit for pair in pairs]), np.array([pair.shaded for pair in pairs])
     seen_lit, seen_shaded = view.look(lit), view.look(shaded)
     light = explained.irradiance(seen_lit.point, seen_lit.normal, SAMPLES)
-    # The shadow's caster may not be modelled: there the source's clipped light is still in the map, but not the rest.
+    # What throws the shadow may not be modelled; the source's light does not arrive there even so.
     shade = explained.irradiance(seen_shaded.point, seen_shaded.normal, SAMPLES)
+    shade = np.maximum(shade - only.irradiance(seen_shaded.point, seen_shaded.normal, SAMPLES), 0.0)
     cosine = seen_lit.normal @ direction
     if np.any(cosine <= 0.05):
         raise InputError("--pair: a surface that is said to be lit faces away from the clipped source")

@@ -1,4 +1,4 @@
-"""``[[light]]`` tables in a scene file, which otherwise stays as the person wrote it."""
+"""``[[light]]`` tables, and gloss, in a scene file, which otherwise stays as the person wrote it."""
 
 from __future__ import annotations
 
@@ -51,5 +51,31 @@ def write_light(scene: Path, name: str, values: Mapping[str, Any]) -> None:
             table.pop(key, None)
         else:
             table[key] = value
+    _write(scene, document)
+
+
+def write_gloss(scene: Path, name: str, values: Mapping[str, float]) -> None:
+    """Put ``gloss`` into the ``[[real]]`` table of a name.
+
+    Args:
+        scene: the scene file; it is replaced whole or not at all.
+        name: of the surface.
+        values: keys of ``gloss``, which replace those that are there.
+
+    Raises:
+        InputError: the file is missing, is not TOML, has no such surface, or it cannot be written.
+    """
+    document = read_document(scene)
+    tables = document.get("real")
+    table = next((each for each in tables if each.get("name") == name), None) if isinstance(tables, AoT) else None
+    if table is None:
+        raise InputError(f"{scene}: has no [[real]] table with name = '{name}'")
+    gloss = tomlkit.inline_table()
+    gloss.update(values)
+    table["gloss"] = gloss
+    _write(scene, document)
+
+
+def _write(scene: Path, document: tomlkit.TOMLDocument) -> None:
     with whole_file(scene) as temporary:
         temporary.write_bytes(document_bytes(document))

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from pydantic.dataclasses import dataclass
 
+from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.ranges import CHECKED
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.parameters.transport import TransportParameters
 
-__all__ = ["FilmParameters", "Parameters", "RecoveryParameters", "TransportParameters"]
+__all__ = ["DenoisingParameters", "FilmParameters", "Parameters", "RecoveryParameters", "TransportParameters"]
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -24,6 +25,7 @@ class Parameters:
         recovery: of recovering albedo and irradiance.
         transport: of following paths.
         film: of taking samples, and of the layers other than light.
+        denoising: of removing what is left of the noise.
 
     Raises:
         pydantic.ValidationError: a number is out of its range; so do those of the rooms.
@@ -32,3 +34,4 @@ class Parameters:
     recovery: RecoveryParameters = RecoveryParameters()
     transport: TransportParameters = TransportParameters()
     film: FilmParameters = FilmParameters()
+    denoising: DenoisingParameters = DenoisingParameters()

@@ -6,10 +6,15 @@ from it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
+import numpy as np
+
+from lightdepth.kernel.arrays import aligned
 
 
 @dataclass
@@ -88,3 +93,17 @@ class LightList:
     def _index(self, u: mi.Float) -> mi.UInt32:
         """Where in the list the light samples are that uniform random numbers pick."""
         return dr.minimum(mi.UInt32(u * mi.Float(self._count)), self._count - 1)
+
+
+def joined(samples: Sequence[LightSample], counts: Sequence[int]) -> LightSample:
+    """Light samples one after the other, ``counts`` of each."""
+
+    def joined(name: str) -> Any:
+        values = [getattr(sample, name) for sample in samples]
+        kind, scalar = type(values[0]), type(values[0]) in (mi.Float, mi.Bool)
+        rows = [np.asarray(value.numpy()).reshape(1 if scalar else 3, -1) for value in values]
+        wide = [np.broadcast_to(row, (len(row), count)) for row, count in zip(rows, counts, strict=True)]
+        columns = [aligned(column, column.dtype) for column in np.concatenate(wide, axis=1)]
+        return kind(columns[0]) if scalar else kind(*map(mi.Float, columns))
+
+    return LightSample(*(joined(field.name) for field in fields(LightSample)))

@@ -13,6 +13,8 @@ al. 2019, "MIS compensation").
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -23,6 +25,8 @@ from lightdepth.kernel.arrays import aligned, aligned_empty
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 PIXELS_AT_ONCE = 1 << 18
+FEWEST_SHARE = 0.05
+"""Of the weights of the four nearest pixels, below which those farther away are taken that show the right surface."""
 EVEN = 0.01
 """Where what stands out is less than this share of the light, the map is taken to be even, and all of it is sampled."""
 
@@ -52,9 +56,15 @@ class MapDistribution:
     Args:
         radiance: linear RGB, shape (height, 2 height, 3), float32, finite and not negative.
         alone: whether nothing but light sampling finds the light, so that all of it must be sampled.
+        importance: factor on the density of each pixel, shape (height, 2 height), not negative; ``None`` is 1.
+
+    Attributes:
+        power: luminance times solid angle that is sampled, with its importance.
     """
 
-    def __init__(self, radiance: NDArray[np.float32], alone: bool = False) -> None:
+    def __init__(
+        self, radiance: NDArray[np.float32], alone: bool = False, importance: NDArray[np.float32] | None = None
+    ) -> None:
         self.height, self.width = radiance.shape[:2]
         texels = aligned_empty((self.height, self.width, 4))
         texels[..., :3] = radiance
@@ -70,6 +80,10 @@ class MapDistribution:
             weights -= mean
             np.maximum(weights, 0.0, out=weights)
             total = standing_out
+        if importance is not None:
+            weights *= importance
+            total = float(weights.sum(axis=1, dtype=np.float64) @ solid_angles)
+        self.power = total
         weights *= solid_angles.astype(np.float32)[:, None]
         if total > 0.0:
             weights /= np.float32(total / (self.width * self.height))
@@ -119,12 +133,56 @@ class MapDistribution:
             total += weights_y[j] * line
         return dr.clip(total, low, high)
 
+    def sharp_radiance_of(
+        self, direction: mi.Vector3f, belongs: Callable[[mi.Vector3f, mi.UInt32], mi.Bool]
+    ) -> mi.Color3f:
+        """:meth:`sharp_radiance` from the pixels alone that show the surface that is meant.
+
+        Where all 16 do, it is the same; else the nearest four are interpolated linearly as far as they do, and where none
+        of these does, it is the mean of those that do.
+
+        Args:
+            direction: unit vectors, light space.
+            belongs: whether pixels belong to it, by the unit directions of their centres, light space, and their indices.
+        """
+        u, v = direction_to_latlong(direction)
+        x, y = u * self.width - 0.5, v * self.height - 0.5
+        column, row = dr.floor(x), dr.floor(y)
+        across, down = x - column, y - row
+        sines_v = [dr.sincos(dr.pi * (row + (j - 0.5)) / self.height) for j in range(4)]
+        sines_u = [dr.sincos(dr.two_pi * ((column + (i - 0.5)) / self.width - 0.5)) for i in range(4)]
+        column, row = mi.Int32(column), mi.Int32(row)
+        everywhere = mi.Bool(True)
+        near, near_weight, far, far_weight = mi.Color3f(0.0), mi.Float(0.0), mi.Color3f(0.0), mi.Float(0.0)
+        for j, (sin_theta, cos_theta) in enumerate(sines_v):
+            for i, (sin_phi, cos_phi) in enumerate(sines_u):
+                index = self._index(column + (i - 1), row + (j - 1))
+                there = belongs(mi.Vector3f(sin_theta * sin_phi, sin_theta * cos_phi, cos_theta), index)
+                texel = dr.gather(mi.Vector4f, self._texels, index)
+                value = mi.Color3f(texel.x, texel.y, texel.z)
+                everywhere &= there
+                far += dr.select(there, value, 0.0)
+                far_weight += dr.select(there, 1.0, 0.0)
+                if i in (1, 2) and j in (1, 2):
+                    share = (across if i == 2 else 1.0 - across) * (down if j == 2 else 1.0 - down)
+                    share = dr.select(there, share, 0.0)
+                    near += share * value
+                    near_weight += share
+        partly = dr.select(near_weight > FEWEST_SHARE, near / near_weight, far / far_weight)
+        return dr.select(everywhere | (far_weight == 0.0), self.sharp_radiance(direction), partly)
+
     def pixel(self, direction: mi.Vector3f) -> mi.UInt32:
         """Index (row-major) of the pixel that a unit vector in light space falls into."""
         u, v = direction_to_latlong(direction)
         column = dr.clip(mi.Int32(u * self.width), 0, self.width - 1)
         row = dr.clip(mi.Int32(v * self.height), 0, self.height - 1)
         return mi.UInt32(row * self.width + column)
+
+    def pixels_around(self, direction: mi.Vector3f) -> list[mi.UInt32]:
+        """Indices of the four pixels between whose centres a unit vector in light space falls."""
+        u, v = direction_to_latlong(direction)
+        column, row = (mi.Int32(dr.floor(at - 0.5)) for at in (u * self.width, v * self.height))
+        return [self._index(column + i, row + j) for j in (0, 1) for i in (0, 1)]
 
     def sample(self, count: int, generator: np.random.Generator) -> tuple[NDArray[np.int64], mi.Vector3f]:
         """Draw directions by their density, stratified along the pixels' order, and put them in order.
@@ -179,12 +237,16 @@ class MapDistribution:
 
     def _texel(self, column: mi.Int32, row: mi.Int32) -> mi.Vector4f:
         """A pixel by column and row, which may lie up to half a width and height outside the image."""
+        return dr.gather(mi.Vector4f, self._texels, self._index(column, row))
+
+    def _index(self, column: mi.Int32, row: mi.Int32) -> mi.UInt32:
+        """Index of such a pixel."""
         over_pole = (row < 0) | (row >= self.height)
         row = dr.select(row < 0, -1 - row, dr.select(row >= self.height, 2 * self.height - 1 - row, row))
         column = dr.select(over_pole, column + self.width // 2, column)
         column = dr.select(column < 0, column + self.width, column)
         column = dr.select(column >= self.width, column - self.width, column)
-        return dr.gather(mi.Vector4f, self._texels, mi.UInt32(row * self.width + column))
+        return mi.UInt32(row * self.width + column)
 
 
 def direction_to_latlong(direction: mi.Vector3f) -> tuple[mi.Float, mi.Float]:

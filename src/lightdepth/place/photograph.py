@@ -8,6 +8,7 @@ the change of measure that the paper leaves out.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from copy import copy
 
 import drjit as dr
@@ -16,27 +17,31 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import latlong_to_direction as direction_of_latlong
-from lightdepth.kernel.arrays import aligned, aligned_empty
+from lightdepth.kernel.arrays import aligned_empty
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.tracing import first_hit
 from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.place.feather import edge_feather, mask_feather
 from lightdepth.place.light_list import LightSample
 from lightdepth.place.map_distribution import MapDistribution, direction_to_latlong, latlong_to_direction
-from lightdepth.place.real_light import RealLight
+from lightdepth.place.photograph_weights import Sighting
+from lightdepth.place.photographed import Photographed
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
-from lightdepth.place.unseen_sky import BANDS, sky_by_elevation
+from lightdepth.place.unseen_sky import sky_map
 from lightdepth.scene.model import Panorama
 
 DEPTH_TOLERANCE = 0.01
 """Relative difference of distances up to which the capture point is taken to see a real point."""
-SKY_ROWS = 1024
+SKY_ROWS = 256
 """Rows of pixels, at most, from which the sky's mean radiance is taken."""
+BEFORE = 0.9
+"""Times the model's distance; where several photographs are weighed, what was measured nearer is something else."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
 
 
-class Photograph(RealLight):
+class Photograph(Photographed):
     """A panorama, both as the appearance of the place and as a light: all that concerns one capture point.
 
     Args:
@@ -44,40 +49,109 @@ class Photograph(RealLight):
         surfaces: the real surfaces to trace.
         infinite: take every depth as infinite: the directional method.
         alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
+        gain: of each channel; ``None`` is 1.
+
+    Attributes:
+        map: its radiance as light.
+        capture: its capture point, shape (3,), world, metres.
     """
 
     def __init__(
-        self, panorama: Panorama, surfaces: TracedSurfaces, infinite: bool = False, alone: bool = False
+        self,
+        panorama: Panorama,
+        surfaces: TracedSurfaces,
+        infinite: bool = False,
+        alone: bool = False,
+        gain: NDArray[np.float32] | None = None,
     ) -> None:
-        self.map = MapDistribution(panorama.light_radiance, alone)
-        self._shown = self.map if panorama.unclipped is None else MapDistribution(panorama.radiance, alone)
+        self._gain = gain
+        self.map = MapDistribution(self._scaled(panorama.light_radiance), alone)
+        self._shown = self.map
+        if panorama.unclipped is not None or panorama.plate is not None:
+            self._shown = MapDistribution(self._scaled(panorama.shown_radiance), alone)
+        # The picture gives the albedo, but for what it clipped.
+        self._reflecting = self.map if panorama.plate is None else self._shown
         self.surfaces = surfaces
         self.infinite = infinite
         self._to_world = as_matrix(panorama.rotation)
         self._to_light = as_matrix(panorama.rotation.T)
-        self.capture = np.asarray(panorama.position, dtype=np.float64)
+        self._position = np.asarray(panorama.position, dtype=np.float64)
         self._capture = as_point(panorama.position)
         self._pixel_angle = math.pi / self.map.height
         self._depth = self._depth_map()
-        self._unseen_sky = self._sky_table(panorama)
+        self._unseen_sky = self._sky_map(panorama)
         self._mirrored: mi.Texture2f | None = None
+        self._clarity: mi.Texture2f | None = None
+
+    @property
+    def each(self) -> tuple[Photograph, ...]:  # type: ignore[override]
+        """This one."""
+        return (self,)
+
+    @property
+    def capture(self) -> NDArray[np.float64]:
+        """As the base says."""
+        return self._position
+
+    def _scaled(self, radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+        return radiance if self._gain is None else radiance * self._gain
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Photograph:
-        """The same photograph, with other meshes of the same surfaces, refined ones for instance."""
+        """As the base says."""
         photograph = copy(self)
         photograph.surfaces = surfaces
         return photograph
 
-    def with_mirrored(self, image: NDArray[np.float32]) -> Photograph:
-        """The same photograph with the radiance that specular lobes mirror in it.
+    def with_mirrored(self, images: Sequence[NDArray[np.float32]]) -> Photograph:
+        """As the base says."""
+        photograph = copy(self)
+        photograph._mirrored = _texture(images[0])
+        return photograph
+
+    def beside_others(self, panorama: Panorama) -> Photograph:
+        """The same photograph, made ready to be weighed against others of the place.
 
         Args:
-            image: ``S``, radiance that the lobes of real surfaces send to the capture point, shape (h, 2 h, 3), in the
-                layout of the panorama.
+            panorama: that it was made from.
         """
         photograph = copy(self)
-        wrapped = np.concatenate([image[:, -1:], image, image[:, :1]], axis=1)
-        photograph._mirrored = mi.Texture2f(mi.TensorXf(np.ascontiguousarray(wrapped)), wrap_mode=dr.WrapMode.Clamp)
+        shape = self.map.height, self.map.width
+        clarity = np.ones((*shape, 2), np.float32)
+        if self.surfaces.has_real:
+            clarity[..., 0] = edge_feather(self._depth.numpy().reshape(shape))
+        counts = np.ones(shape, np.float32) if panorama.mask is None else panorama.mask
+        if panorama.depth is not None and self.surfaces.has_real:
+            counts = counts * self._modelled(panorama.depth)
+        if not (counts == 1.0).all():
+            clarity[..., 1] = mask_feather(counts)
+        photograph._clarity = _texture(clarity)
+        return photograph
+
+    def _modelled(self, measured: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """Pixels in which the distance that the user gave says that nothing else stood before the model's surface."""
+        rows = (np.arange(self.map.height) * len(measured)) // self.map.height
+        columns = (np.arange(self.map.width) * measured.shape[1]) // self.map.width
+        modelled = self._depth.numpy().reshape(self.map.height, self.map.width)
+        return np.asarray(measured[np.ix_(rows, columns)] > BEFORE * modelled) | np.isinf(modelled)
+
+    def declared(self, panorama: Panorama) -> mi.Texture2f | None:
+        """1 where the scene declares the radiance of sources that this panorama clipped; ``None`` where it does not."""
+        if panorama.unclipped is None:
+            return None
+        return _texture(np.any(panorama.unclipped != panorama.radiance, axis=2, keepdims=True).astype(np.float32))
+
+    def with_importance(self, panorama: Panorama, importance: NDArray[np.float32], alone: bool) -> Photograph:
+        """The same photograph, whose light is sampled in proportion to an importance of its pixels as well.
+
+        Args:
+            panorama: that it was made from.
+            importance: shape (height, 2 height), not negative.
+            alone: as for the class.
+        """
+        photograph = copy(self)
+        photograph.map = MapDistribution(self._scaled(panorama.light_radiance), alone, importance)
+        photograph._shown = photograph.map if self._shown is self.map else self._shown
+        photograph._reflecting = photograph.map if self._reflecting is self.map else self._reflecting
         return photograph
 
     # -- What is seen -------------------------------------------------------------------------------------------
@@ -118,46 +192,85 @@ class Photograph(RealLight):
         radiance = self._with_unseen(radiance, hit, front & self._surely_unseen(mapped, depth, cosine_capture))
         if self._unseen_sky is not None:
             behind = ~hit.valid & dr.isfinite(mapped)
-            radiance = dr.select(behind, self._sky_at(direction, active & behind), radiance)
+            radiance = dr.select(behind, self.sky_at(direction, active & behind), radiance)
         if self.surfaces.deformed:
             rest = self.surfaces.rest_point(hit, active & hit.valid)
             at_rest = self.map.radiance(self._to_light @ dr.normalize(mi.Vector3f(rest - self._capture)))
             radiance = dr.select(hit.valid, at_rest, radiance)
         return radiance, pdf
 
-    def sharp(self, hit: RealHit, direction: mi.Vector3f) -> mi.Color3f:
-        """``M(q)`` as a camera sees it: sharply interpolated, at the rest position of what is deformed."""
+    def sharp(self, hit: RealHit, ray: mi.Ray3f) -> mi.Color3f:
+        """As the base says."""
         point = dr.select(hit.valid, self.surfaces.rest_point(hit, hit.valid), hit.point)
-        seen = dr.select(hit.valid, dr.normalize(mi.Vector3f(point - self._capture)), direction)
-        return self._shown.sharp_radiance(self._to_light @ seen)
+        seen = dr.select(hit.valid, dr.normalize(mi.Vector3f(point - self._capture)), ray.d)
+        return self.sharp_at(self._to_light @ seen)
 
-    def surface_radiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
-        """M at points of real surfaces seen from their front, at their rest positions (paper, section 5.8)."""
+    def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
+        """As the base says."""
+        _, unseen, _ = self.sight(mi.Vector3f(hit.point), hit.normal)
+        return [mi.Float(dr.select(hit.valid & unseen, 0.0, 1.0))]
+
+    def sharp_at(self, direction: mi.Vector3f) -> mi.Color3f:
+        """The picture in unit directions, light space, sharply interpolated."""
+        return self._shown.sharp_radiance(direction)
+
+    def sharp_of(self, sighting: Sighting, point: mi.Vector3f, normal: mi.Vector3f, finite: mi.Bool) -> mi.Color3f:
+        """The picture of points, sharply interpolated from pixels that show their surface and not what stands beside it.
+
+        Args:
+            sighting: of the points.
+            point: world, metres.
+            normal: of the surface there, either side, unit, world.
+            finite: false for sky.
+        """
+        offset = point - mi.Vector3f(self._capture)
+        height = dr.dot(normal, offset)
+        allowed = (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * dr.norm(offset)
+
+        def belongs(direction: mi.Vector3f, index: mi.UInt32) -> mi.Bool:
+            depth = dr.gather(mi.Float, self._depth, index)
+            is_finite = dr.isfinite(depth)
+            beside = dr.abs(dr.select(is_finite, depth, 0.0) * dr.dot(normal, self._to_world @ direction) - height)
+            return dr.select(finite, is_finite & (beside <= allowed), ~is_finite)
+
+        if not self.surfaces.has_real:
+            return self.sharp_at(sighting.direction)
+        return self._shown.sharp_radiance_of(sighting.direction, belongs)
+
+    def picture_at(self, direction: mi.Vector3f) -> mi.Color3f:
+        """The picture in unit directions, light space, as the albedo is recovered from it."""
+        return self._reflecting.radiance(direction)
+
+    def surface_radiance(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
+        """As the base says; the direction plays no part."""
         _, unseen, radiance = self.sight(mi.Vector3f(self.surfaces.rest_point(hit, active)), hit.normal)
         return self._with_unseen(radiance, hit, active & unseen)
 
-    def mirrored(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
-        """``S`` at points of real surfaces: what of their radiance specular lobes mirror, 0 where it was not estimated."""
+    def mirrored(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
+        """As the base says; the direction plays no part."""
         if self._mirrored is None:
             return mi.Color3f(0.0)
         offset = mi.Vector3f(self.surfaces.rest_point(hit, active) - self._capture)
-        u, v = direction_to_latlong(self._to_light @ (offset * dr.rcp(dr.maximum(dr.norm(offset), 1e-20))))
-        width = self._mirrored.shape[1]
-        red, green, blue = self._mirrored.eval(mi.Point2f((u * (width - 2) + 1.0) / width, v), active)
+        return self.mirrored_at(self._to_light @ (offset * dr.rcp(dr.maximum(dr.norm(offset), 1e-20))), active)
+
+    def mirrored_at(self, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
+        """``S`` in unit directions, light space."""
+        if self._mirrored is None:
+            return mi.Color3f(0.0)
+        red, green, blue = looked_up(self._mirrored, direction, active)
         return mi.Color3f(red, green, blue)
 
     def look(self, u: mi.Float, v: mi.Float) -> RealHit:
         """The real surfaces that the capture point sees at panorama coordinates in [0, 1]."""
+        return self.look_along(u, v)[0]
+
+    def look_along(self, u: mi.Float, v: mi.Float) -> tuple[RealHit, mi.Vector3f]:
+        """The same, and the unit directions, world."""
         direction = self._to_world @ latlong_to_direction(u, v)
-        return self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True))
+        return self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True)), direction
 
     def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
-        """Which real points the capture point sees, which are certainly unseen, and what the photograph shows there.
-
-        Args:
-            point: world, metres.
-            normal: of the surface there, unit, world.
-        """
+        """As the base says."""
         offset = point - mi.Vector3f(self._capture)
         depth = dr.norm(offset)
         direction = offset * dr.rcp(dr.maximum(depth, 1e-20))
@@ -166,7 +279,53 @@ class Photograph(RealLight):
         return (
             self._capture_sees(mapped, depth, cosine),
             self._surely_unseen(mapped, depth, cosine),
-            self.map.radiance(w0),
+            self._reflecting.radiance(w0),
+        )
+
+    def shares_at(self, point: mi.Vector3f, normal: mi.Vector3f) -> list[NDArray[np.float32]]:
+        """As the base says."""
+        return [np.ones(dr.width(point), np.float32)]
+
+    def surface_shares(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> list[NDArray[np.float32]]:
+        """As the base says."""
+        return [np.ones(dr.width(hit.point), np.float32)]
+
+    def faced(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
+        """As the base says."""
+        return np.asarray(np.einsum("ij,ij->i", normals, points - self.capture) < 0.0)
+
+    def sighting(
+        self, point: mi.Vector3f, normal: mi.Vector3f, finite: mi.Bool, direction: mi.Vector3f, active: mi.Bool
+    ) -> Sighting:
+        """How this photograph sees points.
+
+        Args:
+            point: world, metres.
+            normal: of the surface there, either side, unit, world.
+            finite: false for sky.
+            direction: of the sky, unit, world.
+            active: where it is wanted.
+        """
+        offset = point - mi.Vector3f(self._capture)
+        distance = dr.norm(offset)
+        toward = dr.select(finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), direction)
+        cosine = dr.abs(dr.dot(normal, toward))
+        w0, depth = self._to_light @ toward, dr.select(finite, distance, dr.inf)
+        mapped = self._mapped_depth(w0)
+        solid_angle = dr.select(finite, cosine * dr.rcp(dr.maximum(dr.square(distance), 1e-12)), 1.0)
+        clarity, counts = mi.Float(1.0), mi.Float(1.0)
+        if self._clarity is not None:
+            clarity, counts = looked_up(self._clarity, w0, active)
+        clarity *= self._around_on_surface(w0, finite, depth, cosine)
+        return Sighting(
+            toward,
+            w0,
+            solid_angle,
+            solid_angle * (1.0 / self._pixel_angle**2),
+            self._capture_sees(mapped, depth, cosine),
+            dr.select(finite, self._surely_unseen(mapped, depth, cosine), dr.isfinite(mapped)),
+            clarity,
+            counts,
         )
 
     def _with_unseen(self, photographed: mi.Color3f, hit: RealHit, unseen: mi.Bool) -> mi.Color3f:
@@ -178,10 +337,14 @@ class Photograph(RealLight):
 
     # -- Sampling its light -------------------------------------------------------------------------------------
 
+    def drawn(self, generator: np.random.Generator, count: int) -> tuple[mi.Vector3f, mi.Vector3f]:
+        """Unit directions from the capture point by the map's density: in world and in light space."""
+        _, w0 = self.map.sample(count, generator)
+        return self._to_world @ w0, w0
+
     def presample(self, generator: np.random.Generator, count: int) -> LightSample:
         """Directions from the capture point by the map's density, each followed to the first real surface."""
-        _, w0 = self.map.sample(count, generator)
-        direction = self._to_world @ w0
+        direction, w0 = self.drawn(generator, count)
         radiance, pdf = self.map.radiance_and_pdf(w0)
         if self.infinite or not self.surfaces.has_real:
             position, normal, density = direction, mi.Vector3f(0.0, 0.0, 1.0), pdf
@@ -196,13 +359,13 @@ class Photograph(RealLight):
             normal = hit.normal
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
             if self.surfaces.deformed:
-                radiance = dr.select(finite, self.surface_radiance(hit, finite), radiance)
+                radiance = dr.select(finite, self.surface_radiance(hit, direction, finite), radiance)
         return LightSample(position, normal, density, radiance, finite, relit, mi.Bool(False))
 
     # -- Sky behind what the capture point sees -----------------------------------------------------------------
 
-    def _sky_table(self, panorama: Panorama) -> mi.Float | None:
-        """The sky by elevation, in groups of four values, where some of it may be unseen; else ``None``."""
+    def _sky_map(self, panorama: Panorama) -> mi.Texture2f | None:
+        """The sky in all world directions where some of it may be unseen; else ``None``."""
         if self.infinite or not self.surfaces.has_real:
             return None
         sky = np.isinf(self._depth.numpy()).reshape(self.map.height, self.map.width)
@@ -211,19 +374,22 @@ class Photograph(RealLight):
         step = max(1, self.map.height // SKY_ROWS)  # Of a large panorama, directions of all pixels would not fit.
         row, column = (np.arange(step // 2, size, step) for size in (self.map.height, self.map.width))
         u, v = np.meshgrid((column + 0.5) / self.map.width, (row + 0.5) / self.map.height)
-        upward = direction_of_latlong(u, v) @ panorama.rotation[2]
+        directions = direction_of_latlong(u, v) @ panorama.rotation.T
         some = np.ix_(row, column)
-        table = sky_by_elevation(panorama.light_radiance[some], sky[some], upward)
-        return None if table is None else mi.Float(aligned(np.pad(table, ((0, 0), (0, 1)))))
+        found = sky_map(self._scaled(panorama.light_radiance[some]), sky[some], directions)
+        if found is None:
+            return None
+        return _texture(found)
 
-    def _sky_at(self, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
-        """The sky's radiance in unit directions, world, by their elevation."""
-        at = (dr.asin(dr.clip(direction.z, -1.0, 1.0)) * dr.inv_pi + 0.5) * (BANDS - 1)
-        lower = dr.minimum(mi.UInt32(at), BANDS - 2)
-        share = at - mi.Float(lower)
-        below, above = (dr.gather(mi.Vector4f, self._unseen_sky, lower + step, active) for step in (0, 1))
-        value = dr.lerp(below, above, share)
-        return mi.Color3f(value.x, value.y, value.z)
+    @property
+    def has_unseen_sky(self) -> bool:
+        """Whether there is sky that this photograph does not see, and some that it does."""
+        return self._unseen_sky is not None
+
+    def sky_at(self, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
+        """The sky's radiance in unit directions, world, as far as it can be guessed."""
+        assert self._unseen_sky is not None
+        return mi.Color3f(*looked_up(self._unseen_sky, direction, active))
 
     # -- The depth of the map -----------------------------------------------------------------------------------
 
@@ -259,6 +425,24 @@ class Photograph(RealLight):
         both_sky = dr.isinf(mapped) & dr.isinf(depth)
         return both_sky | (dr.abs(depth - mapped) <= tolerance * mapped)
 
+    def _around_on_surface(self, w0: mi.Vector3f, finite: mi.Bool, depth: mi.Float, cosine: mi.Float) -> mi.Float:
+        """The largest :meth:`_on_surface` of the four pixels around directions: at silhouettes one alone may miss."""
+        result = mi.Float(0.0)
+        if not self.surfaces.has_real:
+            return mi.Float(1.0)
+        for index in self.map.pixels_around(w0):
+            mapped = dr.gather(mi.Float, self._depth, index)
+            sky = dr.select(dr.isinf(mapped), 1.0, 0.0)
+            result = dr.maximum(result, dr.select(finite, self._on_surface(mapped, depth, cosine), sky))
+        return result
+
+    def _on_surface(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Float:
+        """Fades from 1 to 0 as points leave the surface that the map shows; 0 where :meth:`_surely_unseen` is true."""
+        allowed = (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * depth
+        off = dr.select(dr.isfinite(mapped), dr.abs(depth - mapped) * cosine / allowed, 2.0)
+        t = dr.clip(2.0 - 2.0 * off, 0.0, 1.0)
+        return t * t * (3.0 - 2.0 * t)
+
     def _surely_unseen(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
         """Whether a point is certainly unseen: the surface that the map shows there is well off the plane of the point.
 
@@ -266,3 +450,16 @@ class Photograph(RealLight):
         within a pixel by any amount. Never true where :meth:`_capture_sees` is; the arguments are the same.
         """
         return (depth - mapped) * cosine > (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * depth
+
+
+def _texture(image: NDArray[np.float32]) -> mi.Texture2f:
+    """An image in the layout of a panorama, for lookups across its seam; shape (h, 2 h, channels)."""
+    wrapped = np.concatenate([image[:, -1:], image, image[:, :1]], axis=1)
+    return mi.Texture2f(mi.TensorXf(np.ascontiguousarray(wrapped)), wrap_mode=dr.WrapMode.Clamp)
+
+
+def looked_up(texture: mi.Texture2f, direction: mi.Vector3f, active: mi.Bool) -> list[mi.Float]:
+    """Channels of such an image in unit directions, light space."""
+    u, v = direction_to_latlong(direction)
+    width = texture.shape[1]
+    return list(texture.eval(mi.Point2f((u * (width - 2) + 1.0) / width, v), active))

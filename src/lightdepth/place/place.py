@@ -8,22 +8,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import copy
-from dataclasses import fields
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.tracing import meets
-from lightdepth.place.light_list import LightList, LightSample
+from lightdepth.place.light_list import LightList, LightSample, joined
 from lightdepth.place.photograph import Photograph
+from lightdepth.place.photographed import Photographed
+from lightdepth.place.photographs import Photographs
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.sun import Sun
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
-from lightdepth.scene.model import Panorama, SunLight
+from lightdepth.scene.model import Gloss, Panorama, SunLight
 
 SUN_SHARE, MOST_SUNS_SHARE = 1 / 8, 1 / 2
 """Of the light samples, for each sun and for all together: one in each vertex's RIS candidates is then of the sun."""
@@ -33,30 +32,34 @@ class Place:
     """The photographed place.
 
     Args:
-        panorama: the photograph and its pose.
+        panoramas: the photograph and its pose; a sequence where there are several.
         surfaces: the real surfaces to trace.
         infinite: take every depth as infinite: the directional method.
         alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
         suns: those that the photograph does not show.
+        gains: of each photograph, per channel, shape (k, 3); ``None`` is 1.
 
     Attributes:
-        photograph: the panorama in its pose.
+        photograph: what was photographed: one panorama, or several as one.
         lights: all lights, the photograph first.
         suns: those of ``lights`` that are suns.
+        glosses: the specular lobes of its surfaces, once what they mirror is known.
     """
 
     def __init__(
         self,
-        panorama: Panorama,
+        panoramas: Panorama | Sequence[Panorama],
         surfaces: TracedSurfaces,
         infinite: bool = False,
         alone: bool = False,
         suns: Sequence[SunLight] = (),
+        gains: NDArray[np.float32] | None = None,
     ) -> None:
         self.surfaces = surfaces
         self.infinite = infinite
-        self.photograph = Photograph(panorama, surfaces, infinite, alone)
+        self.photograph = _photographed(panoramas, surfaces, infinite, alone, gains)
         self.suns = tuple(Sun(sun, surfaces) for sun in suns)
+        self.glosses: tuple[Gloss, ...] = ()
         share = min(SUN_SHARE, MOST_SUNS_SHARE / max(len(self.suns), 1))
         self._shares = [1.0 - share * len(self.suns), *(share for _ in self.suns)]
 
@@ -67,7 +70,7 @@ class Place:
 
     @property
     def capture(self) -> NDArray[np.float64]:
-        """The capture point, shape (3,), world, metres."""
+        """The capture point of the first photograph, shape (3,), world, metres."""
         return self.photograph.capture
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Place:
@@ -77,10 +80,16 @@ class Place:
         place.photograph = self.photograph.with_surfaces(surfaces)
         return place
 
-    def with_mirrored(self, image: NDArray[np.float32]) -> Place:
-        """The same place with the radiance that its glossy surfaces mirror: see :meth:`Photograph.with_mirrored`."""
+    def with_mirrored(self, images: Sequence[NDArray[np.float32]], glosses: tuple[Gloss, ...]) -> Place:
+        """The same place with the radiance that its glossy surfaces mirror: see :meth:`Photographed.with_mirrored`.
+
+        Args:
+            images: see there.
+            glosses: the specular lobes that mirror it.
+        """
         place = copy(self)
-        place.photograph = self.photograph.with_mirrored(image)
+        place.glosses = glosses
+        place.photograph = self.photograph.with_mirrored(images)
         return place
 
     # -- Sampling its light -------------------------------------------------------------------------------------
@@ -103,7 +112,7 @@ class Place:
             sample = light.presample(generator, int(size))
             sample.density *= share
             drawn.append(sample)
-        return LightList(_joined(drawn, counts.tolist()), count)
+        return LightList(joined(drawn, counts.tolist()), count)
 
     def toward(self, light: LightSample, point: mi.Point3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Direction, distance and density of light samples as seen from points.
@@ -120,7 +129,14 @@ class Place:
         direction = dr.select(light.finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), light.position)
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         pdf = dr.select(light.finite, light.density * dr.square(distance) / cosine, light.density)
+        pdf = dr.select(self.leaves(light, -direction), pdf, 0.0) if self.photograph.one_sided else pdf
         return direction, dr.select(light.finite, distance, dr.inf), pdf
+
+    def leaves(self, light: LightSample, direction: mi.Vector3f) -> mi.Bool:
+        """Whether light leaves the samples in unit directions, world: some know one side of their surface only."""
+        if not self.photograph.one_sided:
+            return mi.Bool(True)
+        return ~light.finite | (dr.dot(light.normal, direction) > 0.0)
 
     def likelihood(self, light: LightSample, point: mi.Point3f) -> mi.Float | float:
         """Weight of light samples among RIS candidates at points, before their visibility is known."""
@@ -174,15 +190,15 @@ class Place:
         ]
 
 
-def _joined(samples: Sequence[LightSample], counts: Sequence[int]) -> LightSample:
-    """Light samples one after the other, ``counts`` of each."""
-
-    def joined(name: str) -> Any:
-        values = [getattr(sample, name) for sample in samples]
-        kind, scalar = type(values[0]), type(values[0]) in (mi.Float, mi.Bool)
-        rows = [np.asarray(value.numpy()).reshape(1 if scalar else 3, -1) for value in values]
-        wide = [np.broadcast_to(row, (len(row), count)) for row, count in zip(rows, counts, strict=True)]
-        columns = [aligned(column, column.dtype) for column in np.concatenate(wide, axis=1)]
-        return kind(columns[0]) if scalar else kind(*map(mi.Float, columns))
-
-    return LightSample(*(joined(field.name) for field in fields(LightSample)))
+def _photographed(
+    panoramas: Panorama | Sequence[Panorama],
+    surfaces: TracedSurfaces,
+    infinite: bool,
+    alone: bool,
+    gains: NDArray[np.float32] | None,
+) -> Photographed:
+    """A single panorama by itself needs no weighing."""
+    several = [panoramas] if isinstance(panoramas, Panorama) else list(panoramas)
+    if len(several) == 1 and several[0].mask is None:
+        return Photograph(several[0], surfaces, infinite, alone)
+    return Photographs(several, surfaces, infinite, alone, gains)

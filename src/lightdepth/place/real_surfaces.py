@@ -61,6 +61,11 @@ class RealSurfaces:
         return np.isin(self.kind, RECEIVING)
 
     @property
+    def scattering(self) -> NDArray[np.bool_]:
+        """Which faces send on light of the new objects, shape (m,): those that receive, and environment with gloss."""
+        return self.receiving | ((self.kind == FaceKind.ENVIRONMENT) & (self.gloss > 0))
+
+    @property
     def deformed(self) -> bool:
         """Whether any vertex takes its colour from elsewhere."""
         return bool(np.any(self.rest != self.vertices))

@@ -20,17 +20,25 @@ ALWAYS_MIRRORED = 0.3
 
 
 def recovered_reflectance(
-    place: Place, surfaces: TracedSurfaces, hit: RealHit, active: mi.Bool
+    place: Place, surfaces: TracedSurfaces, hit: RealHit, direction: mi.Vector3f, active: mi.Bool
 ) -> tuple[mi.Color3f, mi.Color3f]:
-    """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``."""
-    radiance = place.photograph.surface_radiance(hit, active)
+    """:func:`reflectance` at points of real surfaces, 0 where they are not ``active``; environment keeps its lobe alone.
+
+    Args:
+        place: what was photographed.
+        surfaces: the same surfaces with their irradiance.
+        hit: the points.
+        direction: in which they are looked at, unit, world.
+        active: where it is wanted.
+    """
+    radiance = place.photograph.surface_radiance(hit, direction, active)
     rho, specular_scale = reflectance(
         radiance,
         surfaces.irradiance(hit, active),
-        place.photograph.mirrored(hit, active),
+        place.photograph.mirrored(hit, direction, active),
         surfaces.typical_albedo(hit, active),
     )
-    return rho & active, specular_scale & active
+    return rho & active & surfaces.receives(hit), specular_scale & active
 
 
 def reflectance(

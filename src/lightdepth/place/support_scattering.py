@@ -6,6 +6,7 @@ top.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import drjit as dr
@@ -19,6 +20,12 @@ GLOSSY_SHARE = 0.5
 SMALLEST_ALPHA = 1e-3
 
 
+def index_of_refraction(specular: float) -> float:
+    """Of a dielectric whose reflectance at normal incidence is 8 % times its specular level."""
+    amplitude = math.sqrt(0.08 * specular)
+    return (1.0 + amplitude) / (1.0 - amplitude)
+
+
 class SpecularLobes:
     """The GGX lobes of the glossy support surfaces, looked up by their index.
 
@@ -29,7 +36,7 @@ class SpecularLobes:
     def __init__(self, glosses: Sequence[Gloss]) -> None:
         self.any = len(glosses) > 0
         self._alpha = mi.Float([1.0, *(max(gloss.roughness**2, SMALLEST_ALPHA) for gloss in glosses)])
-        self._reflectance = mi.Float([0.0, *(0.08 * gloss.specular for gloss in glosses)])
+        self._ior = mi.Float([1.0, *(index_of_refraction(gloss.specular) for gloss in glosses)])
         self._scale = mi.Float([0.0, *(gloss.scale for gloss in glosses)])
 
     def distribution(self, index: mi.UInt32) -> mi.MicrofacetDistribution:
@@ -37,10 +44,12 @@ class SpecularLobes:
         return mi.MicrofacetDistribution(mi.MicrofacetType.GGX, dr.gather(mi.Float, self._alpha, index), True)
 
     def fresnel(self, index: mi.UInt32, cosine: mi.Float) -> mi.Float:
-        """Schlick's Fresnel reflectance at the cosine to the half vector, times the scale of the lobe."""
-        normal_incidence = dr.gather(mi.Float, self._reflectance, index)
-        scale = dr.gather(mi.Float, self._scale, index)
-        return scale * dr.lerp(normal_incidence, 1.0, dr.power(dr.clip(1.0 - cosine, 0.0, 1.0), 5.0))
+        """Fresnel reflectance of a dielectric at the cosine to the half vector, times the scale of the lobe.
+
+        Not Schlick's, which at 50 degrees, where floors are looked at, is a fifth too small for glass and lacquer.
+        """
+        reflectance, *_ = mi.fresnel(dr.clip(cosine, 0.0, 1.0), dr.gather(mi.Float, self._ior, index))
+        return dr.gather(mi.Float, self._scale, index) * reflectance
 
 
 class SupportScattering:

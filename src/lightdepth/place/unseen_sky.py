@@ -1,7 +1,7 @@
 """Unseen sky: a wall occludes it from the capture point, and other points see it through a window.
 
-The photograph shows the wall in that direction, which is no sky at all. What it does show of the sky at the same elevation
-is the better guess.
+The photograph shows the wall in that direction, which is no sky at all. What it does show of the sky near that direction,
+and above all at the same elevation, is the better guess.
 """
 
 from __future__ import annotations
@@ -9,42 +9,72 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-BANDS = 181
-"""Elevations at which the sky's radiance is tabulated, from -90 to 90 degrees."""
-HALF_BAND = 1.5
-"""Degrees of elevation to each side from which it is taken."""
-FEWEST = 8
-"""Pixels of sky that this needs; with fewer, the nearest elevation that has them is taken."""
+from lightdepth.directions import direction_to_latlong, pixel_directions
+
+ROWS = 36
+"""Of the map; its cells are 5 degrees wide."""
+ELEVATION_WEIGHT = 10.0
+"""How many times more a degree of elevation counts than one around: skies differ with elevation first."""
+NEAREST = 1.0
+"""Degrees, added to distances."""
+NEAR = 15.0
+"""Degrees around a pixel of which the median limits its radiance;"""
 BRIGHTEST = 4.0
-"""Pixels are clamped to this many times the median: bright clouds count, the sun does not."""
+"""to this many times it: bright clouds count, the sun does not."""
+FEWEST = 8
+"""Pixels of sky without which there is no guess."""
 
 
-def sky_by_elevation(
-    radiance: NDArray[np.float32], sky: NDArray[np.bool_], upward: NDArray[np.float64]
+def sky_map(
+    radiance: NDArray[np.float32], sky: NDArray[np.bool_], directions: NDArray[np.float64]
 ) -> NDArray[np.float32] | None:
-    """The sky's mean radiance at each elevation: without the sun, which stands in one place only.
+    """The sky in all directions, from what is seen of it: without the sun, which stands in one place only.
+
+    It is interpolated by the inverse sixth power of the distance (Shepard 1968).
 
     Args:
         radiance: of the panorama, linear RGB, shape (height, 2 height, 3).
         sky: pixels in which the capture point sees no real surface, shape (height, 2 height).
-        upward: world z of the pixels' directions, shape (height, 2 height).
+        directions: of the pixels, world, unit, shape (height, 2 height, 3).
 
     Returns:
-        Linear RGB, shape (``BANDS``, 3), float32, by elevation from -90 to 90 degrees; ``None`` where hardly any sky is
-        seen.
+        Linear RGB, shape (``ROWS``, 2 ``ROWS``, 3), float32, an equirectangular map in world directions; ``None`` where
+        hardly any sky is seen.
     """
-    elevation = np.degrees(np.arcsin(np.clip(upward[sky], -1.0, 1.0)))
-    order = np.argsort(elevation)
-    elevation, colours = elevation[order], radiance[sky][order]
-    bands = np.linspace(-90.0, 90.0, BANDS)
-    first, last = np.searchsorted(elevation, bands - HALF_BAND), np.searchsorted(elevation, bands + HALF_BAND)
-    valid = np.flatnonzero(last - first >= FEWEST)
-    if not len(valid):
+    colours, toward = radiance[sky].astype(np.float64), directions[sky]
+    if len(colours) < FEWEST:
         return None
-    table = np.array([_mean(colours[first[band] : last[band]]) for band in valid])
-    nearest = valid[np.argmin(np.abs(valid[None, :] - np.arange(BANDS)[:, None]), axis=1)]
-    return np.asarray(table[np.searchsorted(valid, nearest)], dtype=np.float32)
+    height, columns = radiance.shape[0], 2 * ROWS
+    angle = np.broadcast_to(np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None], sky.shape)[sky]
+    u, v = direction_to_latlong(toward)
+    cell = np.minimum((v * ROWS).astype(int), ROWS - 1) * columns + np.minimum((u * columns).astype(int), columns - 1)
+    axes = pixel_directions(ROWS, columns).reshape(-1, 3)
+    seen, place = np.unique(cell, return_inverse=True)
+    colours = np.minimum(colours, BRIGHTEST * _medians(place, colours, axes[seen])[place])
+    weight = np.bincount(place, angle)
+    mean = np.stack([np.bincount(place, angle * channel) for channel in colours.T], axis=1) / weight[:, None]
+    above = np.degrees(np.arcsin(np.clip(axes[:, 2], -1.0, 1.0)))
+    result = np.empty((ROWS * columns, 3))
+    for row in range(ROWS):  # All pairs at once would take much memory.
+        part = slice(row * columns, (row + 1) * columns)
+        around = np.degrees(np.arccos(np.clip(axes[part] @ axes[seen].T, -1.0, 1.0)))
+        higher = above[row * columns] - above[seen]
+        squared = around**2 + ((ELEVATION_WEIGHT**2 - 1.0) * higher**2 + NEAREST**2)
+        share = weight / (squared * squared * squared)  # The nearest counts most.
+        result[part] = share @ mean / share.sum(axis=1, keepdims=True)
+    return np.asarray(result.reshape(ROWS, columns, 3), dtype=np.float32)
 
 
-def _mean(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(np.minimum(colours, BRIGHTEST * np.median(colours, axis=0)).mean(axis=0))
+def _medians(place: NDArray[np.intp], colours: NDArray[np.float64], axes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """For each of n cells with sky the median of the medians of the cells near it, shape (n, 3).
+
+    Args:
+        place: which cell each pixel lies in, shape (pixels,).
+        colours: of the pixels, shape (pixels, 3).
+        axes: toward the cells, shape (n, 3).
+    """
+    counts = np.bincount(place)
+    middle = np.cumsum(counts) - counts + counts // 2
+    own = np.stack([channel[np.lexsort((channel, place))[middle]] for channel in colours.T], axis=1)
+    near = axes @ axes.T > np.cos(np.radians(NEAR))
+    return np.array([np.median(own[chosen], axis=0) for chosen in near])

@@ -34,6 +34,7 @@ class Prepared:
         integrator: estimates along camera rays.
         shapes: the synthetic shapes, each with the index of its object in the scene.
         irradiance: how well the irradiance of the support is known.
+        gains: of each photograph, per channel, shape (k, 3); ``None`` is 1.
         plates: of the place, see :class:`~lightdepth.preparation.place.PreparedPlace`.
     """
 
@@ -42,6 +43,7 @@ class Prepared:
     integrator: Integrator[Any]
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
+    gains: NDArray[np.float32] | None = None
     plates: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
 
 
@@ -70,7 +72,8 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
         settings.parameters.transport,
     )
     spheres = [] if objects.bounds is None else objects.bounds.spheres
-    return Prepared(place, surfaces, integrator, objects.shapes, prepared.errors.report(spheres), prepared.plates)
+    irradiance = prepared.errors.report(spheres)
+    return Prepared(place, surfaces, integrator, objects.shapes, irradiance, prepared.gains, prepared.plates)
 
 
 def _directional(scene: Scene, store: Store | None = None) -> Prepared:
@@ -82,6 +85,10 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
         raise InputError(
             f"{scene.path or 'scene'}: method 'envpath' cannot use [[light]] '{scene.lights[0].name}'; "
             "use 'difference' or 'directional'"
+        )
+    if scene.further or scene.panorama.mask is not None:
+        raise InputError(
+            f"{scene.path or 'scene'}: method 'envpath' uses one panorama without a mask; use 'difference' or 'directional'"
         )
     modelled = merge_real_surfaces(modelled_surfaces(scene))
     objects = prepare_objects(scene)

@@ -16,18 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cancellation import raise_if_cancelled
-from lightdepth.errors import warn
-from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.errors import InputError, warn
+from lightdepth.lightmap.depth_meshes import meshes_from_depth
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
-from lightdepth.recovery.specular import recover_mirrored, with_fitted_glosses
+from lightdepth.recovery.gains import solve_gains
+from lightdepth.recovery.specular import fit_glosses, fitted_glosses, recover_mirrored
 from lightdepth.recovery.support_irradiance import IrradianceErrors, recover_irradiance
 from lightdepth.recovery.unseen_albedo import recover_unseen
 from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.model import Gloss, RealSurface, Role, Scene
 from lightdepth.store import Store
+from lightdepth.work import work
 
 KEPT = 2
 """Prepared places that a process keeps."""
@@ -44,12 +46,14 @@ class PreparedPlace:
         place: its light and its surfaces, traced with ``real``.
         real: the real surfaces with recovered albedo and irradiance, on refined meshes.
         errors: of the irradiance.
+        gains: of each photograph, per channel, shape (k, 3).
         plates: the photograph as the cameras seen last see it; see :func:`lightdepth.film.plate.kept_plate`.
     """
 
     place: Place
     real: RealSurfaces
     errors: IrradianceErrors
+    gains: NDArray[np.float32]
     plates: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
 
 
@@ -77,21 +81,26 @@ def prepare_place(
     modelled = merge_real_surfaces(modelled_surfaces(scene))
     # What is deformed took its colour, and the light that goes with it, where it was when it was photographed.
     photographed = replace(modelled, vertices=modelled.rest)
-    empty = Place(scene.panorama, TracedSurfaces(photographed), infinite, suns=scene.lights)
+    traced = TracedSurfaces(photographed)
+    balance = solve_gains(scene.panoramas, traced)
+    if balance.problem is not None:
+        raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
+    empty = Place(scene.panoramas, traced, infinite, suns=scene.lights, gains=balance.gains)
     arrays = None if store is None else store.read(key)
     recovered = None if arrays is None else _unpacked(arrays, modelled)
     if recovered is None:
-        recovered = _recover(scene, empty, modelled, parameters)
+        with work(_paths(scene.render.irradiance_samples, parameters)):
+            recovered = _recover(scene, empty, modelled, parameters)
         if store is not None:
             store.write(key, _packed(recovered), str(scene.panorama.path or "made in memory"))
     real, errors = recovered.real, recovered.errors
     surfaces = TracedSurfaces(real)
     place = empty.with_surfaces(surfaces)
     if modelled.deformed:
-        place = Place(scene.panorama, surfaces, infinite, suns=scene.lights)
-    if recovered.mirrored is not None:
-        place = place.with_mirrored(recovered.mirrored)
-    prepared = PreparedPlace(place, real, errors)
+        place = Place(scene.panoramas, surfaces, infinite, suns=scene.lights, gains=balance.gains)
+    if recovered.mirrored:
+        place = place.with_mirrored(recovered.mirrored, real.glosses)
+    prepared = PreparedPlace(place, real, errors, balance.gains)
     with _lock:
         _kept[key] = prepared
         while len(_kept) > KEPT:
@@ -115,28 +124,38 @@ class _Recovered:
 
     real: RealSurfaces
     errors: IrradianceErrors
-    mirrored: NDArray[np.float32] | None
+    mirrored: tuple[NDArray[np.float32], ...]
 
 
 def _recover(scene: Scene, empty: Place, modelled: RealSurfaces, parameters: RecoveryParameters) -> _Recovered:
     generator = np.random.default_rng(scene.render.seed)
     samples = scene.render.irradiance_samples
+    as_seen = empty
+    glosses = (
+        fit_glosses(empty, modelled, parameters=parameters)
+        if empty.infinite
+        else fitted_glosses(scene, modelled, lambda: as_seen, parameters)
+    )
     if not (empty.infinite or modelled.deformed or scene.render.draft):  # It would be a quarter of a draft's time.
         empty, modelled = recover_unseen(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
-    modelled = with_fitted_glosses(empty, modelled, parameters)
+    modelled = replace(modelled, glosses=glosses)
     real, errors = recover_irradiance(empty, modelled, generator, samples, parameters)
     raise_if_cancelled()
     return _Recovered(real, errors, recover_mirrored(empty, modelled, parameters=parameters))
 
 
+def _paths(samples: int, parameters: RecoveryParameters) -> float:
+    """Paths that recovery follows, at most: at the vertices of the mesh, and at the points by which it is checked."""
+    vertices = min(parameters.most_vertices, parameters.vertices_a_sample * samples)
+    return float(samples * (vertices + parameters.check_points * parameters.check_samples))
+
+
 def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
-    """The modelled surfaces; where there are none, one made from the panorama's depth, all of it support."""
-    panorama = scene.panorama
-    if scene.real or panorama.depth is None:
+    """The modelled surfaces; where there are none, those made from the panoramas' depth, all of them support."""
+    if scene.real:
         return scene.real
-    mesh = mesh_from_depth(panorama.depth, panorama.position, panorama.rotation)
-    return (RealSurface("depth", mesh, Role.SUPPORT),)
+    return tuple(RealSurface("depth", mesh, Role.SUPPORT) for mesh in meshes_from_depth(scene.panoramas))
 
 
 # -- On disk ----------------------------------------------------------------------------------------------------------
@@ -163,7 +182,7 @@ def _packed(recovered: _Recovered) -> dict[str, NDArray]:
     rows = [[gloss.roughness, gloss.specular, gloss.scale, *gloss.albedo] for gloss in recovered.real.glosses]
     arrays["glosses"] = np.array(rows, np.float64).reshape(-1, 6)
     arrays |= {f"errors.{each.name}": np.asarray(getattr(recovered.errors, each.name)) for each in ERROR_FIELDS}
-    return arrays if recovered.mirrored is None else {**arrays, "mirrored": recovered.mirrored}
+    return arrays | {f"mirrored.{index}": image for index, image in enumerate(recovered.mirrored)}
 
 
 def _unpacked(arrays: dict[str, NDArray], modelled: RealSurfaces) -> _Recovered | None:
@@ -178,4 +197,5 @@ def _unpacked(arrays: dict[str, NDArray], modelled: RealSurfaces) -> _Recovered 
     glosses = tuple(Gloss(roughness, specular, scale, tuple(albedo)) for roughness, specular, scale, *albedo in rows)
     points, irradiance, error = (arrays[f"errors.{name}"] for name in ("points", "irradiance", "error"))
     errors = IrradianceErrors(int(arrays["errors.vertices"]), points, irradiance, error)
-    return _Recovered(replace(modelled, **real, glosses=glosses), errors, arrays.get("mirrored"))
+    mirrored = [f"mirrored.{index}" for index in range(len(arrays)) if f"mirrored.{index}" in arrays]
+    return _Recovered(replace(modelled, **real, glosses=glosses), errors, tuple(arrays[name] for name in mirrored))

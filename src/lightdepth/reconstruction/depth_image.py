@@ -75,11 +75,20 @@ def read_depth_image(
     if values.shape[0] < 8:
         raise InputError(f"{path}: depth has {values.shape[0]} rows; at least 8 are needed")
     if whole and scale is None:
-        raise InputError(f"{path}: holds whole numbers; give --scale, the metres of one (0.001 for millimetres)")
+        raise InputError(
+            f"{path}: holds whole numbers; give --scale, the metres of one (0.001 for millimetres), or --estimated, if a "
+            "network made it"
+        )
     if kind is None:
         check_kind(path, values)
     depth = along_rays(values, kind or "ray", 1.0 if scale is None else scale)
     depth[~(depth > 0.0)] = np.inf if sky else np.nan
+    known = depth[np.isfinite(depth)]
+    if known.size > 1 and known.min() == known.max():
+        raise InputError(
+            f"{path}: all its distances are {known[0]:g} m; this is no depth of a place. Was the picture exported with the "
+            "wrong range or channel?"
+        )
     if sky_beyond is not None:
         depth[depth >= sky_beyond] = np.inf
     if not np.isfinite(depth).any():

@@ -12,6 +12,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.reconstruction.simplification import simplified
 from lightdepth.scene.model import Mesh
 
 FloatArray = NDArray[np.float64]
@@ -25,6 +26,8 @@ LOWER_SHARE = 0.25
 
 FLATTEST = 0.2
 """Cosine to the plane's normal of a face that can be laid flat without becoming a sliver."""
+LAID_FLAT = 1e-4
+"""Metres that a vertex laid onto the floor is off by rounding, at most."""
 CONTRAST = 1.6
 """A plane holds at least this many times as many points as the two layers of the same thickness beside it."""
 
@@ -122,7 +125,7 @@ def _ransac(points: FloatArray, tolerance: float, smallest_cosine: float, random
     return Plane(normal, offset, 0.0)
 
 
-def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03) -> tuple[Mesh, Mesh]:
+def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03, most_faces: int | None = None) -> tuple[Mesh, Mesh]:
     """Part a mesh into its floor, laid flat onto the plane, and the rest.
 
     The two still meet without a gap: the vertices that they share are moved in both.
@@ -131,23 +134,31 @@ def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03) -> tuple[Mesh
         mesh: world, metres.
         floor: its floor plane.
         tolerance: largest distance of a floor vertex from the plane, metres.
+        most_faces: of both together, which are simplified to these; ``None`` keeps all.
 
     Returns:
         The floor and the rest; either may have no faces.
     """
     vertices = mesh.vertices.astype(np.float64)
     heights = floor.heights(vertices)
-    normals = np.cross(
-        vertices[mesh.faces[:, 1]] - vertices[mesh.faces[:, 0]], vertices[mesh.faces[:, 2]] - vertices[mesh.faces[:, 0]]
-    )
-    lengths = np.linalg.norm(normals, axis=1)
-    flatness = np.abs(normals @ floor.normal)
-    near = (np.abs(heights) < tolerance)[mesh.faces].all(axis=1)
-    on_floor = near & (flatness > FLATTEST * lengths)
+    near = np.abs(heights) < tolerance
+    on_floor = np.asarray(near[mesh.faces].all(axis=1) & _is_flat(vertices, mesh.faces, floor), dtype=bool)
     used = np.unique(mesh.faces[on_floor])
     vertices[used] -= heights[used, None] * floor.normal
     flat = Mesh(vertices.astype(np.float32), mesh.faces)
+    if most_faces is not None:
+        flat = simplified(flat, most_faces)
+        vertices = flat.vertices.astype(np.float64)
+        near = np.abs(floor.heights(vertices)) < LAID_FLAT
+        on_floor = np.asarray(near[flat.faces].all(axis=1), dtype=bool)
     return part_of(flat, on_floor), part_of(flat, ~on_floor)
+
+
+def _is_flat(vertices: FloatArray, faces: NDArray[np.int32], floor: Plane) -> NDArray[np.bool_]:
+    """Whether each face can be laid onto the floor, shape (m,)."""
+    one, two, three = (vertices[faces[:, corner]] for corner in range(3))
+    normals = np.cross(two - one, three - one)
+    return np.abs(normals @ floor.normal) > FLATTEST * np.linalg.norm(normals, axis=1)
 
 
 def part_of(mesh: Mesh, chosen: NDArray[np.bool_]) -> Mesh:

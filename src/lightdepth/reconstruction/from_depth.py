@@ -13,8 +13,14 @@ from lightdepth.lightmap.depth_mesh import mesh_from_depth
 from lightdepth.reconstruction.depth_image import DepthImage, denoised, fill_missing, reduced
 from lightdepth.reconstruction.floor import Plane, find_floor, split_floor, spread_points
 from lightdepth.reconstruction.pose import Pose
+from lightdepth.reconstruction.simplification import simplified
 from lightdepth.reconstruction.unseen_background import unseen_background
 from lightdepth.scene.model import Mesh, RealSurface, Role
+
+BEHIND_SHARE = 0.2
+"""Of the triangles, for what lies behind."""
+SHELL_FACES = 12
+"""Of the box that may be put around everything."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +44,7 @@ def surfaces_from_depth(
     max_width: int = 1024,
     floor_tolerance: float | None = 0.03,
     progress: Callable[[float], None] = lambda share: None,
+    most_faces: int = 50_000,
 ) -> Measured:
     """Mesh a depth image: cut at its jumps, closed where it has holes and behind what stands in front.
 
@@ -47,6 +54,7 @@ def surfaces_from_depth(
         max_width: wider images are reduced to at most this many columns.
         floor_tolerance: largest distance of a floor point from the floor's plane, metres; ``None`` looks for no floor.
         progress: called with the share that is done.
+        most_faces: of all surfaces together, which are simplified to these.
 
     Returns:
         ``floor`` (support), ``place`` and, where something stands in front of something, ``behind`` (environment).
@@ -61,9 +69,9 @@ def surfaces_from_depth(
     if len(mesh.faces) == 0:
         raise InputError("the depth image has no surface: everything in it is sky")
     progress(0.6)
-    floor, surfaces = split_roles(mesh, pose, floor_tolerance)
+    behind = simplified(unseen_background(depth, pose), round(BEHIND_SHARE * most_faces))
     progress(0.8)
-    behind = unseen_background(depth, pose)
+    floor, surfaces = split_roles(mesh, pose, floor_tolerance, most_faces - len(behind.faces) - SHELL_FACES)
     if len(behind.faces):
         surfaces.append(RealSurface("behind", behind, Role.ENVIRONMENT))
     sky = np.isinf(depth)
@@ -71,11 +79,25 @@ def surfaces_from_depth(
     return Measured(surfaces, floor, sky if sky.any() else None)
 
 
-def split_roles(mesh: Mesh, pose: Pose, floor_tolerance: float | None) -> tuple[Plane | None, list[RealSurface]]:
-    """The floor as support, the rest as environment; without a tolerance all is environment."""
+def split_roles(
+    mesh: Mesh, pose: Pose, floor_tolerance: float | None, most_faces: int | None = None
+) -> tuple[Plane | None, list[RealSurface]]:
+    """The floor as support, the rest as environment; without a tolerance all is environment.
+
+    Args:
+        mesh: of the place, world, metres.
+        pose: of the panorama.
+        floor_tolerance: largest distance of a floor point from the floor's plane, metres.
+        most_faces: of the surfaces, which are simplified to these; ``None`` keeps all.
+
+    Raises:
+        InputError: there is no floor.
+    """
     if floor_tolerance is None:
-        return None, [RealSurface("place", mesh, Role.ENVIRONMENT)]
+        return None, [
+            RealSurface("place", mesh if most_faces is None else simplified(mesh, most_faces), Role.ENVIRONMENT)
+        ]
     floor = find_floor(spread_points(mesh), pose.position, floor_tolerance)
-    level, rest = split_floor(mesh, floor, floor_tolerance)
+    level, rest = split_floor(mesh, floor, floor_tolerance, most_faces)
     named = [RealSurface("floor", level, Role.SUPPORT), RealSurface("place", rest, Role.ENVIRONMENT)]
     return floor, [surface for surface in named if len(surface.mesh.faces)]

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from lightdepth.calibration.clicks import read_clicks
 from lightdepth.errors import InputError
+from lightdepth.reconstruction.hanging import hanging_lamp
 from lightdepth.reconstruction.polygon import contains, crossing_sides, signed_area, triangulate
 from lightdepth.reconstruction.pose import Pose, on_level
 from lightdepth.reconstruction.posed_panorama import PosedPanorama
+from lightdepth.reconstruction.sloped_ceiling import ceiling_under, slope_plane, walls_under
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
 FloatArray = NDArray[np.float64]
@@ -70,6 +72,8 @@ class Clicked:
         boxes: furniture.
         tables: table tops.
         panels: upright sheets.
+        slopes: sloped ceilings, each by clicks where it meets walls.
+        lamps: that hang from the ceiling.
     """
 
     floor: str | None = None
@@ -77,6 +81,8 @@ class Clicked:
     boxes: Sequence[str] = ()
     tables: Sequence[str] = ()
     panels: Sequence[str] = ()
+    slopes: Sequence[str] = ()
+    lamps: Sequence[str] = ()
 
 
 def surfaces_from_layout(
@@ -94,7 +100,8 @@ def surfaces_from_layout(
         clicked: the clicks.
         panorama: the panorama and its pose.
         camera_height: of the capture point above the floor, metres; ``None`` puts the floor at z = 0.
-        ceiling: its height above the floor, metres; ``None`` takes it from the clicked corner.
+        ceiling: height of its level part above the floor, metres; ``None`` takes it from the clicked corner, if there is
+            one.
         ground_radius: of a ground disk, metres, instead of a room; ``None`` makes a room.
         angles: clicks are degrees instead of pixels.
 
@@ -112,21 +119,21 @@ def surfaces_from_layout(
             f"the capture point is at height {pose.position[2]:g} m and the floor at 0; give --camera-height, or a "
             "pose in which the floor is at height 0"
         )
+    planes: list[FloatArray] = []
     if ground_radius is not None:
         surfaces = ground(pose.position, floor, ground_radius)
     else:
         corners = floor_plan(read_clicks(clicked.floor or "", size, "--floor"), pose, floor)
         if ceiling is not None:
-            top = floor + ceiling
-        else:
-            (click,) = read_clicks(clicked.ceiling_corner or "", size, "--ceiling-corner", 1)
-            top = ceiling_height(click, corners, pose)
-        if top <= pose.position[2]:
-            raise InputError(
-                f"--ceiling: the ceiling is {top - floor:g} m above the floor, but the camera is "
-                f"{pose.position[2] - floor:g} m above it; the ceiling must be higher"
-            )
-        surfaces = room(corners, floor, top)
+            planes.append(np.array([0.0, 0.0, floor + ceiling]))
+        elif clicked.ceiling_corner is not None:
+            (click,) = read_clicks(clicked.ceiling_corner, size, "--ceiling-corner", 1)
+            planes.append(np.array([0.0, 0.0, ceiling_height(click, corners, pose)]))
+        for text in clicked.slopes:
+            what = f"--slope '{text}'"
+            planes.append(slope_plane(read_clicks(text, size, what), corners, pose, what))
+        _check_ceiling(planes, corners, pose, floor)
+        surfaces = sloped_room(corners, floor, planes) if clicked.slopes else room(corners, floor, planes[0][2])
     for option, texts, make in (
         ("--box", clicked.boxes, box),
         ("--table", clicked.tables, table),
@@ -134,6 +141,8 @@ def surfaces_from_layout(
     ):
         for number, text in enumerate(texts, start=1):
             surfaces += make(parse_furniture(text, size, option, number), pose, floor)
+    for number, text in enumerate(clicked.lamps, start=1):
+        surfaces += hanging_lamp(text, number, size, pose, floor, planes)
     names = [surface.name for surface in surfaces]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -262,6 +271,41 @@ def room(corners: FloatArray, floor: float, ceiling: float) -> list[RealSurface]
         RealSurface("walls", _upright(corners[::-1], floor, ceiling, closed=True), Role.ENVIRONMENT),
         RealSurface("ceiling", _level(corners, ceiling, upward[:, ::-1]), Role.ENVIRONMENT),
     ]
+
+
+def sloped_room(corners: FloatArray, floor: float, planes: Sequence[FloatArray]) -> list[RealSurface]:
+    """The same under the lowest of several planes.
+
+    Args:
+        corners: the plan, counter-clockwise, world, metres, shape (n, 2).
+        floor: height of the floor, world z, metres.
+        planes: each ``(a, b, c)`` of ``z = a x + b y + c``, above the floor everywhere on the plan.
+    """
+    walls, ceiling = walls_under(planes, corners, floor), ceiling_under(planes, corners)
+    return [
+        RealSurface("floor", _level(corners, floor, triangulate(corners)), Role.SUPPORT),
+        RealSurface("walls", Mesh(walls[0].astype(np.float32), walls[1]), Role.ENVIRONMENT),
+        RealSurface("ceiling", Mesh(ceiling[0].astype(np.float32), ceiling[1]), Role.ENVIRONMENT),
+    ]
+
+
+def _check_ceiling(planes: Sequence[FloatArray], corners: FloatArray, pose: Pose, floor: float) -> None:
+    """Refuse a ceiling below the camera or below the floor."""
+    if not planes:
+        raise InputError("the ceiling is not known: give --ceiling, --ceiling-corner or --slope")
+    above = min(float(plane @ [*pose.position[:2], 1.0]) for plane in planes)
+    if above <= pose.position[2]:
+        raise InputError(
+            f"--ceiling: the ceiling is {above - floor:g} m above the floor, but the camera is "
+            f"{pose.position[2] - floor:g} m above it; the ceiling must be higher"
+        )
+    for number, corner in enumerate(corners, start=1):
+        height = min(float(plane @ [*corner, 1.0]) for plane in planes) - floor
+        if height < 0.0:
+            raise InputError(
+                f"--slope: at the floor's corner {number} (x {corner[0]:.2f}, y {corner[1]:.2f} m) the ceiling would be "
+                f"{-height:.2f} m below the floor; click where the slope meets the walls"
+            )
 
 
 def ground(position: FloatArray, floor: float, radius: float) -> list[RealSurface]:

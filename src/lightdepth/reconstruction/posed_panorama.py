@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from lightdepth.directions import euler_rotation, rotation_to_euler
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.validation import validate_panorama
 from lightdepth.reconstruction.pose import Pose
@@ -47,7 +47,7 @@ def read_posed_panorama(
     rotation: Three | None = None,
     default_height: float | None = None,
 ) -> PosedPanorama:
-    """Read a panorama, or the ``[panorama]`` of a scene file whose meshes need not exist yet.
+    """Read a panorama, or the first ``[[panorama]]`` of a scene file whose meshes need not exist yet.
 
     Args:
         path: a panorama or a scene file (.toml), or ``None``.
@@ -76,6 +76,24 @@ def read_posed_panorama(
         position = (0.0, 0.0, default_height)
     rotation = rotation or (0.0, 0.0, 0.0)
     return PosedPanorama(Pose(np.array(position), euler_rotation(rotation)), rotation, radiance, image, notes)
+
+
+def check_same_size(path: Path, shape: tuple[int, ...], panorama: PosedPanorama) -> None:
+    """Warn of a depth image whose size cannot come from the panorama's by scaling.
+
+    Args:
+        path: of the depth image.
+        shape: of it.
+        panorama: it is for.
+    """
+    if panorama.radiance is None:
+        return
+    rows, own = panorama.radiance.shape[0], shape[0]
+    if max(rows, own) % min(rows, own):
+        warn(
+            f"{path}: is {2 * own} x {own} pixels, and the panorama {2 * rows} x {rows}; neither size is a multiple of the "
+            "other. Both show the whole sphere, so this works; but is it the depth of this panorama?"
+        )
 
 
 def _rounded(degrees: NDArray[np.float64]) -> Three:
@@ -107,7 +125,7 @@ def _panorama_table(path: Path) -> PanoramaTable:
     animation = Animation(document)
     document = animation.at(animation.sequence.first if animation.sequence else 0)
     try:
-        return SceneFile.model_validate(document, context={"folder": path.parent}).panorama
+        return SceneFile.model_validate(document, context={"folder": path.parent}).panorama[0]
     except ValidationError as error:
         problems = Problems(path, text, document)
         problems.add_all(error, SceneFile)

@@ -6,16 +6,22 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import tomlkit
 import trimesh
+from numpy.typing import NDArray
 from tomlkit.items import AoT
 
-from lightdepth.errors import InputError
+from lightdepth.directions import euler_rotation
+from lightdepth.errors import InputError, warn
 from lightdepth.files import exists
 from lightdepth.images.writing import whole_file
 from lightdepth.reconstruction.posed_panorama import PosedPanorama
-from lightdepth.scene.model import RealSurface, Role
-from lightdepth.toml_file import document_bytes, read_document
+from lightdepth.scene.model import RealSurface
+from lightdepth.toml_file import document_bytes, first_panorama, read_document
+
+SAME_PLACE, SAME_TURN = 0.001, 2e-3
+"""Metres, and entries of rotations (a tenth of a degree), by which two poses are the same."""
 
 
 def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> None:
@@ -44,6 +50,8 @@ def with_surfaces(
 ) -> bytes:
     """The content of a scene file with a ``[[real]]`` table for each surface; all else stays as the person wrote it.
 
+    A warning says where the file's pose is another one than that of the surfaces, which then do not lie on the picture.
+
     A table of the same name gets the new mesh and role and loses a placement, for the mesh is in world space. Where the
     file does not exist, it is begun with the panorama and its pose.
 
@@ -57,7 +65,11 @@ def with_surfaces(
     Raises:
         InputError: the file is not a readable TOML file or its ``real`` is no array of tables.
     """
-    document = read_document(scene) if exists(scene) else _new_document(scene, panorama)
+    if exists(scene):
+        document = read_document(scene)
+        _warn_of_another_pose(scene, document, panorama)
+    else:
+        document = _new_document(scene, panorama)
     tables = document.get("real")
     if tables is None:
         if not document.as_string().endswith("\n\n"):
@@ -66,7 +78,8 @@ def with_surfaces(
     if not isinstance(tables, AoT):
         raise InputError(f"{scene}: 'real' must be an array of tables, each under its own [[real]]")
     if sky:
-        document.setdefault("panorama", tomlkit.table())["sky"] = True
+        document.setdefault("panorama", tomlkit.table())
+        first_panorama(document)["sky"] = True
     for surface in surfaces:
         table = next((table for table in tables if table.get("name") == surface.name), None)
         if table is None:
@@ -77,8 +90,6 @@ def with_surfaces(
         table["role"] = surface.role.value
         for key in ("position", "rotation", "scale", "rest"):
             table.pop(key, None)
-        if surface.role is not Role.SUPPORT:
-            table.pop("gloss", None)
     return document_bytes(document)
 
 
@@ -90,6 +101,35 @@ def write_scene(scene: Path, content: bytes) -> None:
     """
     with whole_file(scene) as temporary:
         temporary.write_bytes(content)
+
+
+def _warn_of_another_pose(scene: Path, document: tomlkit.TOMLDocument, panorama: PosedPanorama) -> None:
+    table = document.get("panorama")
+    if not isinstance(table, dict) or "image" not in table:
+        return
+    pose = panorama.pose
+    found = []
+    position, rotation = table.get("position", [0.0, 0.0, 0.0]), table.get("rotation", [0.0, 0.0, 0.0])
+    if _is_three(position) and np.abs(np.subtract(position, pose.position)).max() > SAME_PLACE:
+        found.append(f"position is {_shown(position)}, and the surfaces were made for {_shown(pose.position)}")
+    if _is_three(rotation) and np.abs(euler_rotation(rotation) - pose.rotation).max() > SAME_TURN:
+        found.append(
+            f"rotation is {_shown(rotation)}, and the surfaces were made for {_shown(panorama.rotation_degrees)}"
+        )
+    if found:
+        warn(
+            f"{scene}: [panorama] {'; its '.join(found)}: they do not lie on the picture. Correct the pose there, or give "
+            "the scene file instead of the panorama"
+        )
+
+
+def _is_three(values: object) -> bool:
+    """Whether a key holds three numbers; keys of a sequence are another form, which nothing is compared with."""
+    return isinstance(values, list) and len(values) == 3 and all(isinstance(x, int | float) for x in values)
+
+
+def _shown(values: Sequence[float] | NDArray[np.float64]) -> str:
+    return ", ".join(f"{float(value):g}" for value in values)
 
 
 def _new_document(scene: Path, panorama: PosedPanorama) -> tomlkit.TOMLDocument:

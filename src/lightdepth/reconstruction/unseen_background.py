@@ -22,7 +22,7 @@ GAP = 0.98
 """The background keeps at least this far behind, as a factor of the reciprocal distance."""
 
 
-def unseen_background(depth: FloatArray, pose: Pose) -> Mesh:
+def unseen_background(depth: FloatArray, pose: Pose, planes: FloatArray | None = None) -> Mesh:
     """Go on with the far side of every jump in depth behind its near side.
 
     From the capture point the cut between the two is then closed, and from beside it one looks at the wall behind an
@@ -31,6 +31,8 @@ def unseen_background(depth: FloatArray, pose: Pose) -> Mesh:
     Args:
         depth: metres along the ray, inf for sky, shape (height, 2 height), float64, positive.
         pose: of the depth image.
+        planes: reciprocal distance of what is known to go on behind each pixel, 1 / metres, the same shape; 0 where it is
+            not known, and is continued from what is seen beside it.
 
     Returns:
         World, metres, counter-clockwise seen from the capture point; without faces where nothing jumps.
@@ -42,6 +44,8 @@ def unseen_background(depth: FloatArray, pose: Pose) -> Mesh:
     unseen, near = _near_side(reciprocal, background, reach)
     seen = (reciprocal > 0.0) & ~near
     layer = continued(reciprocal, unseen, seen)
+    if planes is not None:
+        layer = np.where(unseen & (planes > 0.0), planes, layer)
     layer[unseen] = np.minimum(layer[unseen], GAP * reciprocal[unseen])
     # A ring of what is seen belongs to the layer, slightly behind it, so that the two overlap.
     layer[~unseen] *= 0.999

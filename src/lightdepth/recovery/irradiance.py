@@ -18,6 +18,7 @@ from lightdepth.place.light_list import LightList
 from lightdepth.place.place import Place
 from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
 from lightdepth.place.traced_surfaces import leave, shadow_ray
+from lightdepth.work import advance
 
 LANES = 1 << 21
 """Samples that are traced at once."""
@@ -59,8 +60,9 @@ def estimate_mirrored(
     generator: np.random.Generator,
     samples: int,
     parameters: RecoveryParameters = DEFAULT,
+    capture: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float32]:
-    """Radiance that specular lobes at points send toward the capture point, eq. (6b).
+    """Radiance that specular lobes at points send toward a capture point, eq. (6b).
 
     Args:
         place: the place before insertion.
@@ -71,12 +73,40 @@ def estimate_mirrored(
         generator: source of randomness.
         samples: of each technique at each point, an even number.
         parameters: how many light samples they share.
+        capture: the capture point, world, metres, shape (3,); by default that of the first photograph.
 
     Returns:
         Radiance, shape (n, 3), float32.
     """
-    outgoing = place.capture - points
+    outgoing = (place.capture if capture is None else capture) - points
     outgoing /= np.maximum(np.linalg.norm(outgoing, axis=1, keepdims=True), 1e-12)
+    return estimate_specular(place, points, normals, outgoing, lobes, gloss, generator, samples, parameters)
+
+
+def estimate_specular(
+    place: Place,
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    outgoing: NDArray[np.floating],
+    lobes: SpecularLobes,
+    gloss: NDArray[np.uint32],
+    generator: np.random.Generator,
+    samples: int,
+    parameters: RecoveryParameters = DEFAULT,
+) -> NDArray[np.float32]:
+    """:func:`estimate_mirrored` toward any directions.
+
+    Args:
+        place: as for :func:`estimate_mirrored`, like all others but one.
+        points: likewise.
+        normals: likewise.
+        outgoing: toward the eye, unit, world, shape (n, 3).
+        lobes: likewise.
+        gloss: likewise.
+        generator: likewise.
+        samples: likewise.
+        parameters: likewise.
+    """
     return _estimate(place, points, normals, outgoing, lobes, gloss, 0.0, generator, samples, parameters)[0]
 
 
@@ -84,7 +114,7 @@ def _estimate(
     place: Place,
     points: NDArray[np.float32],
     normals: NDArray[np.float32],
-    outgoing: NDArray[np.float64] | NDArray[np.float32],
+    outgoing: NDArray[np.floating],
     lobes: SpecularLobes,
     gloss: NDArray[np.uint32],
     albedo: float,
@@ -93,6 +123,8 @@ def _estimate(
     parameters: RecoveryParameters = DEFAULT,
 ) -> tuple[NDArray[np.float32], float]:
     """Scattered radiance from two independent halves: their mean, and the typical relative error of it."""
+    if not len(points):
+        return np.zeros((0, 3), np.float32), 0.0
     half = samples // 2
     each = dr.opaque(mi.UInt32, half)  # Not a literal, with which every count would compile a kernel of its own.
     count = min(parameters.light_samples, parameters.lights_per_sample * samples)
@@ -113,10 +145,11 @@ def _estimate(
             value = _scattered(place, lights, point, normal, lobe, mi.Float(lane % each), shift, mi.Float(each))
             dr.eval(value)  # At once: each channel by itself would trace all rays again.
             result[chunk] = np.stack([dr.block_sum(channel, half).numpy() for channel in value], axis=1) / half
+            advance(len(chunk) * half)
     mean = results.mean(axis=0)
     difference = (results[0] - results[1]).mean(axis=1) / np.maximum(results.sum(axis=0).mean(axis=1), 1e-30)
     # By the median, since points that are all but dark have any relative error.
-    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference))) if len(points) else 0.0
+    return mean.astype(np.float32), 1.4826 * float(np.median(np.abs(difference)))
 
 
 def _scattered(

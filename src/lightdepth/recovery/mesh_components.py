@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import replace
+from functools import reduce
 
 import mitsuba as mi
 import numpy as np
@@ -48,16 +50,9 @@ def separate(surfaces: RealSurfaces, chosen: NDArray[np.bool_]) -> RealSurfaces:
 
 
 def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int32]:
-    """Wind every connected piece so that most of what the capture point sees of it faces the capture point."""
+    """Wind every connected piece so that most of what the capture points see of it faces them."""
     faces = surfaces.faces
-    centre = surfaces.rest[faces].mean(axis=1)
-    normal = face_normals(surfaces.rest, faces)
-    offset = centre - place.capture.astype(np.float32)
-    distance = np.linalg.norm(offset, axis=1)
-    direction = mi.Vector3f(*map(mi.Float, aligned_columns(offset / distance[:, None])))
-    ray = mi.Ray3f(as_point(place.capture), direction)
-    free = first_hit(place.surfaces.real, ray).t.numpy() > 0.999 * distance
-    facing = -np.sign((normal * offset).sum(axis=1)) * face_areas(surfaces.rest, faces) * np.where(free, 1.0, 1e-6)
+    facing = reduce(operator.add, (_facing(place, surfaces, each.capture) for each in place.photograph.each))
     count = len(surfaces.vertices)
     _, same_position = np.unique(np.round(surfaces.vertices / 1e-5).astype(np.int64), axis=0, return_inverse=True)
     merged = same_position.reshape(-1)[faces]
@@ -67,6 +62,21 @@ def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int3
     piece = piece_of_vertex[merged[:, 0]]
     flipped = np.bincount(piece, weights=facing)[piece] < 0.0
     return np.where(flipped[:, None], faces[:, ::-1], faces).astype(np.int32)
+
+
+def _facing(place: Place, surfaces: RealSurfaces, capture: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Area of each face, positive where it faces a capture point; next to nothing where this does not see it."""
+    faces = surfaces.faces
+    centre = surfaces.rest[faces].mean(axis=1)
+    normal = face_normals(surfaces.rest, faces)
+    offset = centre - capture.astype(np.float32)
+    distance = np.linalg.norm(offset, axis=1)
+    direction = mi.Vector3f(*map(mi.Float, aligned_columns(offset / distance[:, None])))
+    ray = mi.Ray3f(as_point(capture), direction)
+    free = first_hit(place.surfaces.real, ray).t.numpy() > 0.999 * distance
+    return np.asarray(
+        -np.sign((normal * offset).sum(axis=1)) * face_areas(surfaces.rest, faces) * np.where(free, 1.0, 1e-6)
+    )
 
 
 def with_refined(

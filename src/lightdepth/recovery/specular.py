@@ -7,6 +7,8 @@ before what it mirrors.
 
 from __future__ import annotations
 
+from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
@@ -18,13 +20,15 @@ from numpy.typing import NDArray
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.row_bands import bands
 from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
+from lightdepth.place.photograph import Photograph
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.recovery.mesh_components import wind_toward_capture
+from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.meshes.geometry import face_areas, face_normals
-from lightdepth.scene.model import Gloss
+from lightdepth.scene.model import Gloss, Scene
 
 
 def fit_glosses(
@@ -46,7 +50,7 @@ def fit_glosses(
     lobes = SpecularLobes(tuple(replace(gloss, scale=1.0) for gloss in surfaces.glosses))
     fitted = []
     for index, declared in enumerate(surfaces.glosses, 1):
-        weights = np.where((surfaces.gloss == index) & surfaces.receiving, areas, 0.0)
+        weights = np.where(surfaces.gloss == index, areas, 0.0)
         face = (
             generator.choice(len(faces), parameters.gloss_points, p=weights / weights.sum())
             if weights.any()
@@ -62,7 +66,7 @@ def fit_glosses(
             continue
         points, normal, shown = points[seen], normals[face][seen], radiance.numpy().T[seen]
         gloss = np.full(len(points), index, np.uint32)
-        mirrored = estimate_mirrored(place, points, normal, lobes, gloss, generator, parameters.gloss_samples)
+        mirrored = _weighed_mirrored(place, points, normal, lobes, gloss, generator, parameters)
         irradiance, _ = estimate_irradiance(place, points, normal, generator, parameters.gloss_samples)
         room = (shown / np.maximum(mirrored, 1e-20)).min(axis=1)
         scale = min(1.0, float(np.quantile(room, parameters.gloss_broken)))
@@ -72,15 +76,56 @@ def fit_glosses(
     return tuple(fitted)
 
 
-def with_fitted_glosses(place: Place, surfaces: RealSurfaces, parameters: RecoveryParameters = DEFAULT) -> RealSurfaces:
-    """The same surfaces with lobes that mirror no more than the photograph shows, but for a small share of their area."""
-    return replace(surfaces, glosses=fit_glosses(place, surfaces, parameters=parameters))
+def _weighed_mirrored(
+    place: Place,
+    points: NDArray[np.float32],
+    normals: NDArray[np.float32],
+    lobes: SpecularLobes,
+    gloss: NDArray[np.uint32],
+    generator: np.random.Generator,
+    parameters: RecoveryParameters,
+) -> NDArray[np.float32]:
+    """What lobes send to the capture points, weighed as the photographs are there, shape (n, 3)."""
+    shares = place.photograph.shares_at(*(mi.Vector3f(*map(mi.Float, aligned_columns(v))) for v in (points, normals)))
+    total = np.zeros((len(points), 3), np.float32)
+    for photograph, share in zip(place.photograph.each, shares, strict=True):
+        capture = photograph.capture
+        found = estimate_mirrored(
+            place, points, normals, lobes, gloss, generator, parameters.gloss_samples, capture=capture
+        )
+        total += share[:, None] * found
+    return total
+
+
+def fitted_glosses(
+    scene: Scene, surfaces: RealSurfaces, place: Callable[[], Place], parameters: RecoveryParameters
+) -> tuple[Gloss, ...]:
+    """:func:`fit_glosses`, once for each of the places seen last: checking a scene and preparing it both need them.
+
+    Args:
+        scene: what the place belongs to.
+        surfaces: its real surfaces as modelled.
+        place: makes the place before insertion, where it is needed.
+        parameters: how carefully.
+    """
+    if not surfaces.glosses:
+        return ()
+    key = digest(place_digest(scene), parameters)
+    if key not in _fitted:
+        _fitted[key] = fit_glosses(place(), surfaces, parameters=parameters)
+        while len(_fitted) > KEPT:
+            _fitted.popitem(last=False)
+    return _fitted[key]
+
+
+KEPT = 4
+_fitted: OrderedDict[str, tuple[Gloss, ...]] = OrderedDict()
 
 
 def recover_mirrored(
     place: Place, surfaces: RealSurfaces, seed: int = 0, parameters: RecoveryParameters = DEFAULT
-) -> NDArray[np.float32] | None:
-    """The radiance ``S`` that specular lobes mirror to the capture point, pixel by pixel (eq. 6b).
+) -> tuple[NDArray[np.float32], ...]:
+    """The radiance ``S`` that specular lobes mirror to each capture point, pixel by pixel (eq. 6b).
 
     In the layout of the panorama, since a lobe mirrors narrow things: at the vertices of the irradiance mesh they would
     be lost.
@@ -92,25 +137,38 @@ def recover_mirrored(
         parameters: how carefully.
 
     Returns:
-        Shape (h, 2 h, 3), for :meth:`~lightdepth.place.place.Place.with_mirrored`; ``None`` where nothing is glossy.
+        Shapes (h, 2 h, 3), for :meth:`~lightdepth.place.place.Place.with_mirrored`; empty where nothing is glossy.
     """
     if not surfaces.glosses:
-        return None
+        return ()
     generator = np.random.default_rng(seed)
-    height = min(parameters.mirrored_height, place.photograph.map.height)
+    return tuple(_mirrored(place, each, surfaces, generator, parameters) for each in place.photograph.each)
+
+
+def _mirrored(
+    place: Place,
+    photograph: Photograph,
+    surfaces: RealSurfaces,
+    generator: np.random.Generator,
+    parameters: RecoveryParameters,
+) -> NDArray[np.float32]:
+    """The same of one photograph."""
+    height = min(parameters.mirrored_height, photograph.map.height)
     image = np.zeros((height, 2 * height, 3), np.float32)
     lobes = SpecularLobes(surfaces.glosses)
     for band in bands(2 * height, height):
         u, v = (band.column + 0.5) / (2 * height), (band.row + 0.5) / height
-        hit = place.photograph.look(u, v)
+        hit = photograph.look(u, v)
         glossy = (hit.valid & (hit.gloss > 0)).numpy()
         normal = dr.mulsign(
-            mi.Vector3f(hit.normal), dr.dot(hit.normal, mi.Vector3f(*place.capture.tolist()) - hit.point)
+            mi.Vector3f(hit.normal), dr.dot(hit.normal, mi.Vector3f(*photograph.capture.tolist()) - hit.point)
         )
         points, normals = (value.numpy().T[glossy] for value in (hit.point, normal))
         gloss = hit.gloss.numpy()[glossy].astype(np.uint32)
         found = np.zeros((len(glossy), 3), np.float32)
-        found[glossy] = estimate_mirrored(place, points, normals, lobes, gloss, generator, parameters.mirrored_samples)
+        found[glossy] = estimate_mirrored(
+            place, points, normals, lobes, gloss, generator, parameters.mirrored_samples, capture=photograph.capture
+        )
         image[band.rows] = found.reshape(*band.shape, 3)
     weight = (image > 0.0).any(axis=2).astype(np.float32)
     # Neighbours share their noise; beyond the surface's edge the value goes on, for lookups between the two.

@@ -91,7 +91,7 @@ def recover_irradiance(
     samples: int,
     parameters: RecoveryParameters = DEFAULT,
 ) -> tuple[RealSurfaces, IrradianceErrors]:
-    """Give the support surfaces the irradiance that the place had, on meshes as fine as this needs.
+    """Give support and glossy surfaces the irradiance that the place had, on meshes as fine as this needs.
 
     Faces are wound so that their normals point to the side that the capture point sees.
 
@@ -105,16 +105,16 @@ def recover_irradiance(
     Returns:
         The real surfaces with refined support and irradiance, and the errors of it.
     """
-    receiving = surfaces.receiving
-    if not receiving.any():
+    chosen = surfaces.scattering
+    if not chosen.any():
         return surfaces, IrradianceErrors(0, np.zeros((0, 3), np.float32), np.zeros(0), np.zeros(0))
-    support = separate(surfaces, receiving)
+    support = separate(surfaces, chosen)
     support = replace(support, faces=wind_toward_capture(place, support))
     mesh, irradiance = estimate_on_mesh(
         place, support, generator, samples, parameters.interpolation_tolerance, parameters
     )
     errors = _check(place, mesh, irradiance, generator, samples, parameters)
-    return with_refined(surfaces, receiving, support, lay_out(mesh, parameters), irradiance), errors
+    return with_refined(surfaces, chosen, support, lay_out(mesh, parameters), irradiance), errors
 
 
 def _check(

@@ -96,8 +96,8 @@ def recover_unseen(
     albedo = modelled.unseen_albedo.copy()
     albedo[chosen] = part.unseen_albedo
     modelled = replace(modelled, unseen_albedo=albedo)
-    environment = ~modelled.receiving
-    grids = grids.of_faces(~part.receiving[grids.mesh.parent])
+    environment = ~modelled.scattering
+    grids = grids.of_faces(~part.scattering[grids.mesh.parent])
     return place, with_refined(modelled, chosen & environment, part, grids, irradiance)
 
 
@@ -132,7 +132,7 @@ def _look(
     sees, occluded, radiance = place.photograph.sight(_vectors(points), _vectors(normals))
     unseen = occluded.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
     chosen = np.bincount(face[unseen], minlength=len(areas)) > 0
-    front = np.einsum("ij,ij->i", normals, points - place.capture) < 0.0
+    front = place.photograph.faced(points, normals)
     kept = np.flatnonzero(sees.numpy() & front)
     most = max(parameters.unseen_fewest_seen, parameters.unseen_pairs // max(int(chosen.sum()), 1))
     if len(kept) > most:

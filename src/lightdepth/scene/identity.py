@@ -37,17 +37,17 @@ def scene_digest(scene: Scene) -> str:
 def _scene_digest(scene: Scene) -> str:
     settings = replace(scene.render, samples=RenderSettings.samples, noise=None, seed=0)
     seed = scene.render.seed  # The preparation's; a rendering may have a seed of its own.
-    return digest(_without_messages(scene.panorama), scene.real, scene.lights, scene.synthetic, settings, seed)
+    return digest(_photographs(scene), scene.real, scene.lights, scene.synthetic, settings, seed)
 
 
 def place_digest(scene: Scene) -> str:
-    """Digest of what belongs to the photographed place: panorama, real surfaces and lights, but no object or setting."""
-    return digest(_without_messages(scene.panorama), scene.real, scene.lights)
+    """Digest of what belongs to the photographed place: panoramas, real surfaces and lights, but no object or setting."""
+    return digest(_photographs(scene), scene.real, scene.lights)
 
 
-def _without_messages(panorama: Panorama) -> Panorama:
-    """The panorama without what names its file, which may lie elsewhere on another machine."""
-    return replace(panorama, path=None, repairs=(), notes=())
+def _photographs(scene: Scene) -> list[Panorama]:
+    """The panoramas without what names their files, which may lie elsewhere on another machine."""
+    return [replace(panorama, path=None, repairs=(), notes=()) for panorama in scene.panoramas]
 
 
 def view_digest(view: CameraView) -> str:

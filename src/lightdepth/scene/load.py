@@ -18,6 +18,7 @@ from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.scene.depth import read_depth
 from lightdepth.scene.lights import ClippedTable, SunTable
 from lightdepth.scene.lights.clipped import unclipped
+from lightdepth.scene.mask import read_mask
 from lightdepth.scene.materials import Principled, Texture
 from lightdepth.scene.meshes import MeshPart, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
@@ -107,9 +108,10 @@ def read_scene(
     pose = tables.pose or CapturePose()
     known = earlier if earlier is not None and _same_place(tables, earlier) else None
     if known is not None and known.scene is not None:
-        panorama, real, lights = known.scene.panorama, list(known.scene.real), list(known.scene.lights)
+        panoramas, real, lights = list(known.scene.panoramas), list(known.scene.real), list(known.scene.lights)
     else:
-        panorama, real, lights = _read_place(tables, repair, problems)
+        panoramas, real, lights = _read_place(tables, repair, problems)
+    panorama, *further = panoramas
     meshes = {} if earlier is None else earlier.meshes
     standing = {} if known is None or known.scene is None else {thing.name: thing for thing in known.scene.synthetic}
     same = [] if known is None else [table for table in known.tables.synthetic if table is not None]
@@ -136,6 +138,7 @@ def read_scene(
         render,
         path,
         lights=tuple(lights),
+        further=tuple(further),
     )
     unread = len(tables.real) - len(real)
     return Contents(None if tables.pose is None else scene, unread, problems.messages, tables, meshes)
@@ -144,22 +147,27 @@ def read_scene(
 def _same_place(tables: Tables, earlier: Contents) -> bool:
     """Whether what belongs to the place is the same, and was read without a problem."""
     other = earlier.tables
-    same = (tables.pose, tables.picture, tables.real, tables.lights) == (
-        other.pose,
-        other.picture,
+    same = (tables.poses, tables.pictures, tables.real, tables.lights) == (
+        other.poses,
+        other.pictures,
         other.real,
         other.lights,
     )
     return same and not earlier.problems
 
 
-def _read_place(tables: Tables, repair: bool, problems: Problems) -> tuple[Panorama, list[RealSurface], list[SunLight]]:
-    """What was photographed: panorama, real surfaces and suns, as far as they can be read."""
+def _read_place(
+    tables: Tables, repair: bool, problems: Problems
+) -> tuple[list[Panorama], list[RealSurface], list[SunLight]]:
+    """What was photographed: panoramas, real surfaces and suns, as far as they can be read."""
     real: list[RealSurface] = []
     for number, surface in enumerate(tables.real):
         with problems.noting(("real", number)):
             real += [] if surface is None else [_real_surface(surface)]
-    panorama = _panorama(tables.pose or CapturePose(), tables.picture, repair, problems)
+    panoramas = []
+    for number, (pose, picture) in enumerate(zip(tables.poses, tables.pictures, strict=True)):
+        panoramas.append(_panorama(number, pose or CapturePose(), picture, repair, problems))
+    panorama = replace(panoramas[0], sky=any(each.sky for each in panoramas))
     lights: list[SunLight] = []
     for number, light in enumerate(tables.lights):
         with problems.noting(("light", number)):
@@ -168,31 +176,64 @@ def _read_place(tables: Tables, repair: bool, problems: Problems) -> tuple[Panor
                 panorama = replace(panorama, unclipped=light_map)
             elif isinstance(light, SunTable):
                 lights.append(_sun(light))
-    return panorama, real, lights
+    # A photograph of which nothing can be seen would be seen through.
+    further = [each for each in panoramas[1:] if each.radiance.size]
+    return [panorama, *further], real, lights
 
 
-def _panorama(pose: CapturePose, picture: Picture | None, repair: bool, problems: Problems) -> Panorama:
+def _panorama(number: int, pose: CapturePose, picture: Picture | None, repair: bool, problems: Problems) -> Panorama:
     panorama = Panorama(NO_PICTURE, np.array(pose.position), euler_rotation(pose.rotation), sky=pose.sky)
     if picture is None:
         return panorama
     if picture.depth is not None:
-        with problems.noting(("panorama",)):
+        with problems.noting(("panorama", number)):
             panorama = replace(panorama, depth=read_depth(picture.depth))
-    with problems.noting(("panorama",)):
+    with np.errstate(over="ignore"):
+        factor = np.float32(picture.scale) * np.asarray(picture.gain or (1.0, 1.0, 1.0), np.float32)
+    with problems.noting(("panorama", number)):
         image = read_panorama(picture.image)
         found = image.radiance
         radiance = validate_panorama(found, picture.image, repair=True)
         defects = [] if radiance is found else find_defects(found)
         panorama = replace(
             panorama,
-            radiance=radiance if picture.scale == 1.0 else radiance * np.float32(picture.scale),
+            radiance=_scaled(radiance, factor),
+            balanced=number == 0 or picture.gain is not None,
             path=picture.image,
             repairs=tuple(f"{picture.image}: {defect}; replaced" for defect in defects) if repair else (),
             notes=image.notes,
         )
         if defects and not repair:
             validate_panorama(found, picture.image)
+    if picture.plate is not None:
+        with problems.noting(("panorama", number, "plate")):
+            plate = validate_panorama(read_panorama(picture.plate).radiance, picture.plate)
+            _check_size(picture.plate, "plate", plate, panorama.radiance)
+            panorama = replace(panorama, plate=_scaled(plate, factor))
+    if picture.mask is not None:
+        with problems.noting(("panorama", number, "mask")):
+            mask = read_mask(picture.mask)
+            _check_size(picture.mask, "mask", mask, panorama.radiance)
+            panorama = replace(panorama, mask=mask)
     return panorama
+
+
+def _scaled(radiance: NDArray[np.float32], factor: NDArray[np.float32]) -> NDArray[np.float32]:
+    if (factor == 1.0).all():
+        return radiance
+    with np.errstate(over="ignore"):
+        scaled = radiance * factor
+    if not np.isfinite(scaled).all():
+        raise InputError(f"scale = {factor.max():g}: the radiance becomes larger than a number of 32 bits")
+    return scaled
+
+
+def _check_size(path: Path, key: str, image: NDArray[np.float32], panorama: NDArray[np.float32]) -> None:
+    if panorama.size and image.shape[:2] != panorama.shape[:2]:
+        (height, width), (rows, columns) = image.shape[:2], panorama.shape[:2]
+        raise InputError(
+            f"{path}: is {width} x {height} pixels, but the panorama {columns} x {rows}; its {key} must have its size"
+        )
 
 
 def _real_surface(table: RealTable) -> RealSurface:

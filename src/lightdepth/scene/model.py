@@ -59,7 +59,7 @@ class AnalyticShape:
 
 @dataclass(frozen=True)
 class Gloss:
-    """Specular lobe on a support surface.
+    """Specular lobe on a real surface.
 
     Attributes:
         roughness: of the GGX distribution, in [0, 1].
@@ -82,7 +82,7 @@ class RealSurface:
         name: for messages.
         mesh: in world space.
         role: what it does in the augmented scene.
-        gloss: specular lobe of support.
+        gloss: specular lobe; environment with one mirrors the new objects and does not change otherwise.
         opening: a window pane, through which a declared sun shines in; what the photograph shows of it stays.
     """
 
@@ -147,6 +147,12 @@ class Panorama:
         path: the file it came from, for messages.
         unclipped: ``radiance`` with the true radiance of sources that were clipped, the same shape, for light; the plate is
             ``radiance`` in any case. ``None`` where they are the same.
+        plate: a retouched version, the same shape, that is the picture where ``radiance`` is the light: what cameras see,
+            and what the surfaces' albedo is recovered from. ``None`` where they are the same.
+        mask: share to which each pixel counts, shape (height, 2 height), float32, in [0, 1]: 0 where someone walked, say.
+            ``None`` counts all.
+        balanced: whether its radiance is in the unit of the first photograph's; else the gain of each channel that makes
+            it so is solved from what both see.
         repairs: what was wrong with its radiance and was replaced, a message for each kind.
         notes: what of its file makes pictures wrong in places, a sentence each.
     """
@@ -158,6 +164,9 @@ class Panorama:
     sky: bool = False
     path: Path | None = None
     unclipped: NDArray[np.float32] | None = None
+    plate: NDArray[np.float32] | None = None
+    mask: NDArray[np.float32] | None = None
+    balanced: bool = True
     repairs: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -171,6 +180,11 @@ class Panorama:
     def light_radiance(self) -> NDArray[np.float32]:
         """Radiance of the panorama as light: ``unclipped`` where there is one."""
         return self.radiance if self.unclipped is None else self.unclipped
+
+    @property
+    def shown_radiance(self) -> NDArray[np.float32]:
+        """Radiance of the panorama as picture: ``plate`` where there is one."""
+        return self.radiance if self.plate is None else self.plate
 
 
 @dataclass(frozen=True)
@@ -207,12 +221,14 @@ class Scene:
     """Everything that a rendering needs.
 
     Attributes:
-        panorama: the photograph.
+        panorama: the photograph, the first where there are several.
         real: what stands in it.
         synthetic: what is new.
         cameras: by name.
         render: settings.
         path: the scene file, where it comes from one.
+        lights: suns that the photographs do not show.
+        further: photographs of the same place from elsewhere.
     """
 
     panorama: Panorama
@@ -222,3 +238,9 @@ class Scene:
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
     lights: tuple[SunLight, ...] = ()
+    further: tuple[Panorama, ...] = ()
+
+    @property
+    def panoramas(self) -> tuple[Panorama, ...]:
+        """All photographs, the first one first."""
+        return (self.panorama, *self.further)

@@ -43,7 +43,13 @@ class Problems:
         """A message with the key path of the file that it is about."""
         return self._located(path, message)[1]
 
+    def _as_written(self, path: KeyPath) -> KeyPath:
+        """A key path in a file with one plain ``[panorama]``, which is counted as the first of a list."""
+        plain = path[:2] == ("panorama", 0) and not isinstance(self._document.get("panorama"), list)
+        return (*path[:1], *path[2:]) if plain else path
+
     def _located(self, path: KeyPath, message: str, key: str | None = None) -> tuple[int, str]:
+        path = self._as_written(path)
         table, position, keys, title = _split(path, self._document)
         line = self._lines.line_of(table, position, keys if key is None else (*keys, key))
         where = [str(self._path) + (f":{line}" if line else ""), *([title] if title else []), *keys]
@@ -74,6 +80,7 @@ class Problems:
         """
         for details in error.errors(include_url=False):
             path, expected = _without_tags(details["loc"], model)
+            path = self._as_written(path)
             if any(path[: len(other)] == other for other in known):
                 continue
             message = _message(details, expected)
@@ -89,10 +96,10 @@ def _split(path: KeyPath, document: Mapping[str, Any]) -> tuple[str, int, tuple[
     if not path:
         return "", 0, (), ""
     first, rest = str(path[0]), path[1:]
-    if first in ("real", "light", "synthetic") and rest and isinstance(rest[0], int):
+    if first in ("panorama", "real", "light", "synthetic") and rest and isinstance(rest[0], int):
         index = rest[0]
         entry = document[first][index]
-        name = entry.get("name") if isinstance(entry, dict) else None
+        name = entry.get("image" if first == "panorama" else "name") if isinstance(entry, dict) else None
         title = f"[[{first}]] {index + 1}" + (f' ("{name}")' if isinstance(name, str) else "")
         return first, index, _keys(rest[1:]), title
     if first == "camera" and rest:

@@ -34,8 +34,8 @@ class Tables:
     """The tables of a scene file; ``None`` stands for one that is missing or wrong.
 
     Attributes:
-        pose: of ``[panorama]``, where the capture point is.
-        picture: of ``[panorama]``, what was photographed from there.
+        poses: of each ``[[panorama]]``, where its capture point is; never empty.
+        pictures: of each ``[[panorama]]``, what was photographed from there.
         real: the ``[[real]]`` tables in the order of the file.
         lights: the ``[[light]]`` tables in the order of the file.
         synthetic: the ``[[synthetic]]`` tables in the order of the file.
@@ -44,14 +44,19 @@ class Tables:
         frame: the frame of ``[sequence]`` at which they are; ``None`` where there is no sequence.
     """
 
-    pose: CapturePose | None
-    picture: Picture | None
+    poses: list[CapturePose | None]
+    pictures: list[Picture | None]
     real: list[RealTable | None]
     lights: list[SunTable | ClippedTable | None]
     synthetic: list[MeshObject | SphereObject | UnitShapeObject | None]
     cameras: dict[str, Camera | None]
     render: RenderTable | None
     frame: float | None = None
+
+    @property
+    def pose(self) -> CapturePose | None:
+        """Of the first ``[[panorama]]``, at whose capture point cameras stand that have no position of their own."""
+        return self.poses[0]
 
 
 class SceneText:
@@ -129,8 +134,8 @@ def _checked(
     """The tables of a document without keys; what is wrong with it is noted."""
     for array in ("real", "light", "synthetic"):
         _note_duplicates(array, document, problems)
-    panorama = document.get("panorama")
-    if not document.get("real") and isinstance(panorama, dict) and "depth" not in panorama:
+    panoramas = [table for table in _panoramas(document) if isinstance(table, dict)]
+    if not document.get("real") and panoramas and not any("depth" in table for table in panoramas):
         problems.add((), "no real geometry: give [[real]] meshes of the place, or the depth of the [panorama]")
     context = {"folder": folder}
     try:
@@ -139,8 +144,8 @@ def _checked(
         problems.add_all(error, SceneFile, known, notes)
         return _right_tables(document, context)
     return Tables(
-        file.panorama,
-        file.panorama,
+        list(file.panorama),
+        list(file.panorama),
         list(file.real),
         list(file.light),
         list(file.synthetic),
@@ -163,16 +168,22 @@ def _right_tables(document: Mapping[str, Any], context: Mapping[str, Any]) -> Ta
         grey = {"type": "diffuse"}
         return right(SyntheticTable, table) or right(SyntheticTable, {**_dict(table), "material": grey})
 
-    panorama = document.get("panorama")
+    panoramas = _panoramas(document)
     return Tables(
-        right(CapturePose, panorama),
-        right(Picture, panorama),
+        [right(CapturePose, panorama) for panorama in panoramas],
+        [right(Picture, panorama) for panorama in panoramas],
         [right(RealTable, table) for table in _list(document.get("real"))],
         [right(LightSettings, table) for table in _list(document.get("light"))],
         [synthetic(table) for table in _list(document.get("synthetic"))],
         {name: right(CameraSettings, table) for name, table in _dict(document.get("camera")).items()},
         right(RenderTable, document.get("render", {})),
     )
+
+
+def _panoramas(document: Mapping[str, Any]) -> list[Any]:
+    """The tables that are meant to be ``[[panorama]]``, one at least."""
+    panoramas = document.get("panorama")
+    return panoramas if isinstance(panoramas, list) and panoramas else [panoramas]
 
 
 def _list(value: Any) -> list[Any]:

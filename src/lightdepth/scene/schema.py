@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from lightdepth.cameras import CameraSettings
 from lightdepth.parameters import Parameters
@@ -26,27 +26,41 @@ class Placed(Table):
 
 
 class CapturePose(Table):
-    """``[panorama]``: where the photograph was taken, which way it was turned, and whether in the open."""
+    """``[[panorama]]``: where the photograph was taken, which way it was turned, and whether in the open."""
 
     position: Vector3 = (0.0, 0.0, 0.0)
     rotation: Vector3 = (0.0, 0.0, 0.0)
     sky: Annotated[bool, Field(strict=True)] = False
 
 
+def _gain(value: Any) -> Any:
+    three = value if isinstance(value, list) else [value] * 3
+    if len(three) != 3 or any(isinstance(n, bool) or not isinstance(n, int | float) or not n > 0 for n in three):
+        raise ValueError("must be one number or three, above 0")
+    return three
+
+
 class Picture(Table):
-    """``[panorama]``: what the photograph shows."""
+    """``[[panorama]]``: what the photograph shows."""
 
     image: InputFile
     depth: InputFile | None = None
     scale: Number = Field(default=1.0, gt=0.0)
+    gain: Annotated[Vector3, BeforeValidator(_gain)] | None = None
+    plate: InputFile | None = None
+    mask: InputFile | None = None
 
 
 class PanoramaTable(CapturePose, Picture):
-    """``[panorama]``."""
+    """``[[panorama]]``, or ``[panorama]`` where there is one."""
+
+
+def _as_list(tables: Any) -> Any:
+    return tables if isinstance(tables, list) else [tables]
 
 
 class GlossTable(Table):
-    """``gloss = { roughness, specular }`` of a support surface."""
+    """``gloss = { roughness, specular }`` of a real surface."""
 
     roughness: Number = Field(ge=0.0, le=1.0)
     specular: Number = Field(default=0.5, ge=0.0, le=1.0)
@@ -64,8 +78,8 @@ class RealTable(Placed):
 
     @model_validator(mode="after")
     def _fits_the_role(self) -> RealTable:
-        if self.gloss is not None and self.role != "support":
-            raise ValueError("gloss is for role = 'support' only")
+        if self.gloss is not None and self.opening:
+            raise ValueError("gloss is not for an opening, which shows what stands behind it")
         if self.opening and self.role != "environment":
             raise ValueError("opening is for role = 'environment' only")
         return self
@@ -170,7 +184,7 @@ def _known_format(version: int) -> int:
 class SceneFile(Table):
     """The whole file."""
 
-    panorama: PanoramaTable
+    panorama: Annotated[list[PanoramaTable], BeforeValidator(_as_list), Field(min_length=1)]
     real: list[RealTable] = Field(default_factory=list)
     light: list[LightSettings] = Field(default_factory=list)
     synthetic: list[SyntheticTable] = Field(default_factory=list)

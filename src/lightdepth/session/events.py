@@ -61,6 +61,18 @@ class Stage(Event):
 
 
 @dataclass(frozen=True)
+class Preparing(Event):
+    """How far the preparation of a place that is not known yet is.
+
+    Attributes:
+        fraction: of the most that there may be to do; it may end early.
+    """
+
+    kind: ClassVar[str] = "preparing"
+    fraction: float
+
+
+@dataclass(frozen=True)
 class Progress(Event):
     """How far the rendering is; the attributes are those of :class:`lightdepth.film.rendering.Progress`."""
 
@@ -113,12 +125,16 @@ class Done(Event):
         file: as for :class:`Picture`; ``None`` as well where it was interrupted before there was a picture.
         interrupted: whether it was cancelled before all samples were taken.
         exposure: stops at which the panorama's own brightness shows the picture; ``None`` without a picture.
+        error: estimated relative error of the samples that the picture is made of; ``None`` without a picture.
+        denoised: whether the picture was denoised, so that most of that error is gone.
     """
 
     kind: ClassVar[str] = "done"
     file: str | None = None
     interrupted: bool = False
     exposure: float | None = None
+    error: float | None = None
+    denoised: bool = False
 
 
 @dataclass(frozen=True)
@@ -162,7 +178,7 @@ class FrameState(Event):
 
 KINDS: dict[str, type[Event]] = {
     event.kind: event
-    for event in (Hello, Stage, Progress, Picture, Caution, Failure, Done, SequenceProgress, FrameState)
+    for event in (Hello, Stage, Preparing, Progress, Picture, Caution, Failure, Done, SequenceProgress, FrameState)
 }
 """The events by their kind. A new one is a class and its name here."""
 

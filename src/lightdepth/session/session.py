@@ -20,7 +20,8 @@ from lightdepth.kernel.start import Device
 from lightdepth.packages import require_package
 from lightdepth.scene.model import Scene
 from lightdepth.session.displays import Display
-from lightdepth.session.events import Caution, Done, Event, Failure, Picture, Progress, Stage
+from lightdepth.session.events import Caution, Done, Event, Failure, Picture, Preparing, Progress, Stage
+from lightdepth.work import watched
 
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
@@ -253,13 +254,14 @@ class Session:
             from lightdepth.film.denoising import denoise
 
             self._report(Stage("denoising"))
-            frame = denoise(frame)
+            frame = denoise(frame, self._scene.render.parameters.denoising)
         from lightdepth.film.layers import picture_exposure
 
         file = self._show(frame, finished=True)
         if job.checkpoint is not None and not interrupted:
             remove_checkpoint(job.checkpoint)
-        return self._done(Done(file, interrupted, round(picture_exposure(frame), 3)))
+        error = round(float(frame.metadata["error"]), 5)
+        return self._done(Done(file, interrupted, round(picture_exposure(frame), 3), error, job.denoise))
 
     def _done(self, event: Done) -> Done:
         if not self._discarded:
@@ -270,7 +272,7 @@ class Session:
         """A rendering that has just begun, or goes on from its checkpoint."""
         self._report(Stage("preparing"))
         began = time.monotonic()
-        with cancellable(lambda: self._cancelled):
+        with cancellable(lambda: self._cancelled), watched(lambda done: self._report(Preparing(round(done, 4)))):
             rendering = begin_rendering(
                 self._scene,
                 job.camera,

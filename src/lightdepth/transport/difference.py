@@ -73,7 +73,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         surfaces: real and synthetic surfaces.
         bounds: the objects' bounds, or ``None`` without objects.
         max_bounces: scatterings after which a path ends; negative for no limit.
-        glosses: the specular lobes that support surfaces may have.
+        glosses: the specular lobes that real surfaces may have.
         clamp_indirect: largest value that light of two or more bounces may add to a sample, against fireflies, or
             ``None``. Splats of light tracing need no such bound.
         targets: bounds of the objects that light paths are sent toward, or ``None`` for no light tracing; there is none
@@ -97,7 +97,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.lobes = SpecularLobes(glosses)
         self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
         self.has_relit = FaceKind.RELIT in surfaces.kinds
-        self.has_support = FaceKind.SUPPORT in surfaces.kinds
+        self.has_support = surfaces.changes
         if bounds and targets and self.has_support and not surfaces.materials.have_holes:
             self.light_tracer = LightTracer(
                 place,
@@ -150,14 +150,15 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
 
         covered |= first & (on_synthetic | on_relit)
 
-        # Only new surfaces and the seen side of support scatter, up to the last bounce; holes are passed after it too.
+        # Only new surfaces and the seen side of support and of glossy environment scatter, up to the last bounce; holes
+        # are passed after it too.
         outside = dr.dot(hit.normal, ray.d) < 0.0
-        on_support = on_real & self.surfaces.receives(hit) & outside
+        on_support = on_real & self.surfaces.scatters(hit) & outside
         materials = self.surfaces.materials
         material = materials.index(si, on_synthetic)
         scatters = depth < self.max_bounces
         active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(material, on_synthetic))
-        rho, specular_scale = self._reflectance(hit, active & on_support)
+        rho, specular_scale = self._reflectance(hit, ray.d, active & on_support)
         if cache is not None:
             cached, mean, begins, here = self._cached(cache, path, hit, active & on_support)
             radiance += dr.select(cached, throughput * rho * mean, 0.0)
@@ -262,9 +263,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
-        on_support = on_real & (hit.kind != int(FaceKind.ENVIRONMENT)) & (dr.dot(hit.normal, ray.d) < 0.0)
+        on_support = on_real & self.surfaces.scatters(hit) & (dr.dot(hit.normal, ray.d) < 0.0)
         in_difference = on_support & (hit.kind != int(FaceKind.RELIT))
-        rho, specular_scale = self._reflectance(hit, on_support)
+        rho, specular_scale = self._reflectance(hit, ray.d, on_support)
         point = dr.select(on_synthetic, si.p, hit.point)
         cones = self.bounds.cones(point) if self.has_support and self.bounds is not None else None
         directed = dr.select(in_difference, mi.Float(1.0), 0.0)
@@ -371,11 +372,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             return mi.Bool(False)
         return mi.has_flag(self.surfaces.materials.flags(material, active), mi.BSDFFlags.Null)
 
-    def _reflectance(self, hit: RealHit, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f]:
-        """Recovered albedo and factor on the specular lobe at support points, else 0."""
+    def _reflectance(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> tuple[mi.Color3f, mi.Color3f]:
+        """Recovered albedo and factor on the specular lobe at support points that rays meet, else 0."""
         if not (self.has_support or self.has_relit):
             return mi.Color3f(0.0), mi.Color3f(0.0)
-        return recovered_reflectance(self.place, self.surfaces, hit, active)
+        return recovered_reflectance(self.place, self.surfaces, hit, direction, active)
 
     def _clamped(self, value: mi.Color3f, depth: mi.UInt32) -> mi.Color3f:
         """Indirect light clamped to the user's bound, where there is one."""

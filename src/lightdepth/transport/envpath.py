@@ -223,7 +223,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         normal = dr.select(on_synthetic, mi.Vector3f(si.n), hit.normal)
         materials = self.surfaces.materials
         material = materials.index(si, on_synthetic)
-        own = self.place.photograph.surface_radiance(hit, on_support)
+        own = self.place.photograph.surface_radiance(hit, path.ray.d, on_support)
         factor = self.surfaces.irradiance(hit, on_support).x
         photograph = dr.select(first & on_support, own, photograph)
         direct_support &= active
@@ -234,7 +234,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         # Eq. 5 with the luminance that eq. 7 weights by (1); light and measure are those of the capture point (2).
         from_capture = dr.select(light.finite, dr.normalize(light.position - self._capture), light.position)
         light_direction = self._to_light @ from_capture
-        light_radiance, light_pdf = self.place.photograph.map.radiance_and_pdf(light_direction)
+        light_radiance, light_pdf = self.place.photograph.each[0].map.radiance_and_pdf(light_direction)
         share = _luminance(light_radiance) / (self.total_luminance * dr.maximum(light_pdf, 1e-20))
         cosine = dr.maximum(dr.dot(direction, hit.normal), 0.0)
         value_support = own * (factor * cosine * share)

@@ -103,7 +103,7 @@ class LightTracer:
         surfaces: real and synthetic surfaces; no material may have holes.
         bounds: of the objects.
         targets: of those that light paths are sent toward.
-        lobes: the specular lobes of the support.
+        lobes: the specular lobes of real surfaces.
         max_bounces: scatterings, the last one included, that a path may have.
         light_samples: how many light samples of the map those of camera paths at an object count as in MIS.
         parameters: how paths are followed.
@@ -201,7 +201,9 @@ class LightTracer:
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
         light_density = light.density * dr.select(light.finite, dr.rcp(cosine), 1.0)
         density = light_density * beams.pdf(origin, direction)
-        active = (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit
+        active = (
+            (density > 0.0) & (dr.max(light.radiance) > 0.0) & ~light.on_relit & self.place.leaves(light, direction)
+        )
         # Beams of the sky begin beyond all objects, so that they meet first what stands before their target. They must
         # get that far through the real surfaces.
         lift = self.bounds.extent(light.position) - dr.dot(mi.Vector3f(origin), light.position)
@@ -308,10 +310,10 @@ class LightTracer:
         outgoing = offset * dr.rcp(dr.maximum(distance, 1e-20))
         cosine, incoming_cosine = dr.dot(normal, outgoing), dr.dot(normal, incoming)
         on_object &= camera.seen
-        on_support = on_real & camera.seen & (hit.kind == int(FaceKind.SUPPORT))
+        on_support = on_real & camera.seen & self.surfaces.scatters(hit) & (hit.kind != int(FaceKind.RELIT))
         on_support &= (incoming_cosine > 0.0) & (cosine > 0.0)
 
-        rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, on_support)
+        rho, specular_scale = recovered_reflectance(self.place, self.surfaces, hit, -outgoing, on_support)
         cones = self.bounds.cones(point)
         support = SupportScattering(
             rho, hit.normal, outgoing, self.lobes, hit.gloss, cones, mi.Float(1.0), specular_scale

@@ -145,7 +145,7 @@ def _tables_of_keys(document: Mapping[str, Any]) -> Iterator[tuple[KeyPath, str,
         entries: list[tuple[KeyPath, Any]] = [((kind,), tables)]
         if kind == "camera":
             entries = [((kind, name), table) for name, table in tables.items()] if isinstance(tables, dict) else []
-        elif kind != "panorama":
+        elif kind != "panorama" or isinstance(tables, list):
             entries = [((kind, i), table) for i, table in enumerate(tables)] if isinstance(tables, list) else []
         for place, table in entries:
             if not isinstance(table, dict):
@@ -218,7 +218,7 @@ def _expanded(table: Mapping[str, Any], place: KeyPath, values: Mapping[KeyPath,
                 yield key, values[here]
         elif isinstance(value, dict):
             yield key, dict(_expanded(value, here, values))
-        elif isinstance(value, list) and key in ("synthetic", "real", "light") and not place:
+        elif isinstance(value, list) and key in ("panorama", "synthetic", "real", "light") and not place:
             yield (
                 key,
                 [

@@ -1,0 +1,62 @@
+"""The tuned constants of the denoiser: what the network is shown, and what is kept from it."""
+
+from __future__ import annotations
+
+from pydantic.dataclasses import dataclass
+
+from lightdepth.parameters.ranges import CHECKED, Count, Positive, Share
+
+
+@dataclass(frozen=True, config=CHECKED)
+class DenoisingParameters:
+    """How a frame is denoised.
+
+    Attributes:
+        margin: pixels that the network is shown around a box where little is there: what is farther away changes a pixel by
+            less than half a percent.
+        wide_margin: the same where the layer goes on beyond the box.
+        box_cost: pixels that are filtered in the time that a box takes in itself: the network is built for its size.
+        faint: largest mean in a tile of the change, as a share of the photograph, that a blur denoises; above, it is seen.
+        faint_noise: largest root mean square there; more noise would be left as spots.
+        faint_step: largest difference between the means of neighbouring tiles there; a blur would wash out more.
+        faint_blur: standard deviation of this blur, pixels.
+        hole: pixels across the largest hole in the change that counts as changed as well: few samples leave some.
+        ramp: pixels over which the network's result goes over into the blurred one.
+        minor: largest share of a change that is so small a part of it that the fast network denoises it as well.
+        most_errors: standard errors by which the network may change a pixel: it blurs edges that the samples show sharply.
+        fewest_samples: samples of a pixel from which on their spread is an estimate of its error.
+        dark: share of the photograph's median that is added where the change is divided by the photograph.
+        few: an excess that fewer samples than this carry is a firefly.
+        outlier_contrast: a pixel exceeds its surroundings where it is above this many times their median,
+        outlier_errors: plus this many of their standard errors.
+        glint: radiance, where middle grey is 0.18, above which a denoiser no longer keeps light.
+        beside: share of its brightness up to which what many samples agree on beside an outlier does not make it part of a
+            feature.
+        crowd: outliers among three by three pixels, at most: more are a thin bright line, or noise that the denoiser knows.
+        visible: share of the brightness around up to which a firefly's spread light makes no visible spot.
+    """
+
+    margin: Count = 32
+    wide_margin: Count = 64
+    box_cost: Count = 5000
+    faint: Share = 0.03
+    faint_noise: Share = 0.05
+    faint_step: Share = 0.008
+    faint_blur: Positive = 6.0
+    hole: Count = 9
+    ramp: Count = 8
+    minor: Share = 0.25
+    most_errors: Positive = 3.0
+    fewest_samples: Count = 4
+    dark: Positive = 0.02
+    few: Count = 8
+    outlier_contrast: Positive = 1.3
+    outlier_errors: Positive = 4.0
+    glint: Positive = 6.0
+    beside: Share = 0.1
+    crowd: Count = 2
+    visible: Share = 0.1
+
+
+DEFAULT = DenoisingParameters()
+"""What frames are denoised with."""
