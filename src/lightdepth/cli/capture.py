@@ -224,7 +224,7 @@ def _stitch_dual(
         raise InputError(
             "--lens rectilinear: shows no circle; allowed with --dual are fisheye, equisolid, stereographic"
         )
-    with _progress() as progress:
+    with shown_progress() as progress:
         shoot = read_shoot(images, merging, progress)
         if len(shoot.orientations) != 1:
             raise InputError(f"--dual takes one picture, or one bracket; there are {len(shoot.orientations)}")
