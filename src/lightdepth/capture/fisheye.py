@@ -125,12 +125,12 @@ def refine_circle(circle: Circle, radiance: NDArray[np.float32]) -> Circle:
         return circle
     points = np.array([circle.x, circle.y]) + outward[good] * (radii[last[good]] + 0.125)[:, None]
     for tolerance in (2.0, 1.0, 0.5):
-        fitted = _through(points)
+        fitted = circle_through(points)
         near = _distance(points, fitted) < tolerance
         if near.sum() < 90:
             break
         points = points[near]
-    return _through(points)
+    return circle_through(points)
 
 
 def _edge_points(light: NDArray[np.float32]) -> NDArray[np.float64]:
