@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: install demo test lint fuzz test-machines bench bench-peers extension extension-repository blender-setup lock clean
+.PHONY: install demo test lint fuzz test-machines bench bench-peers extension extension-repository blender-setup blender53-setup lock clean
 
 install: $(STAMP)
 
@@ -55,8 +55,20 @@ extension: install
 extension-repository: install
 	$(BIN)/python blender/build.py --output dist/extension-repository --repository $(if $(WEBSITE),--website $(WEBSITE))
 
-# Blender as Python modules, which the extension's tests run in; both need Python 3.11.
-blender-setup: .venv-bpy45/installed .venv-bpy50/installed
+# Blender as Python modules, which the extension's tests run in. Those of 4.5 and 5.0 need Python 3.11, that of 5.3 needs
+# Python 3.13 and is left out where there is none.
+PYTHON313 ?= $(shell for each in python3.13 "$$HOME"/.pyenv/versions/3.13.*/bin/python; do \
+	"$$each" -c "import sys; sys.exit(sys.version_info[:2] != (3, 13))" 2> /dev/null && command -v "$$each" && break; done)
+
+blender-setup: .venv-bpy45/installed .venv-bpy50/installed blender53-setup
+
+ifneq ($(PYTHON313),)
+blender53-setup: .venv-bpy53/installed
+.venv-bpy53/installed: PYTHON = $(PYTHON313)
+else
+blender53-setup:
+	@echo "No Python 3.13 was found (name one in PYTHON313): the extension is not tested with Blender 5.3."
+endif
 
 .venv-bpy%/installed: blender/requirements-bpy%.lock
 	$(PYTHON) -m venv --clear .venv-bpy$*

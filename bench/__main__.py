@@ -61,6 +61,17 @@ def captures(quick: Annotated[bool, typer.Option(help="Small images and few samp
 
 
 @app.command()
+def motion(quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False) -> None:
+    """Measure motion blur against a path-traced mean over 64 instants; write bench/results/motion-blur.json."""
+    from bench.motion_blur import measure
+    from bench.run import RESULTS
+
+    table = measure(quick, console)
+    (RESULTS / "motion-blur.json").write_text(json.dumps(table, indent=1) + "\n")
+    _print_table(table)
+
+
+@app.command()
 def truth(
     scene: Annotated[Path, typer.Option(help="A Mitsuba scene file, for example living-room/scene_patched.xml.")],
     capture: Annotated[str, typer.Option(help="Capture point X,Y,Z in the scene's own units and axes.")],

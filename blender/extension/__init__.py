@@ -11,6 +11,7 @@ from . import (
     engine,
     evaluation,
     export,
+    meshfolder,
     modelling,
     panels,
     panorama,
@@ -53,6 +54,7 @@ def register() -> None:
 def unregister() -> None:
     """Take everything out of Blender, and end what still renders."""
     process.end_all()
+    meshfolder.remove()
     panels.unregister()
     evaluation.unregister()
     properties.unregister()

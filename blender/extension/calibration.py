@@ -9,6 +9,7 @@ from mathutils import Euler, Vector
 
 from . import panorama, picking
 from .asking import Asks
+from .meshfolder import MeshFolder
 from .process import Question
 from .properties import show_lines
 
@@ -97,7 +98,7 @@ class Calibrate(Asks, bpy.types.Operator):
         width, height = settings.image.size
         corners = " ".join(f"{corner.u * width:.3f},{corner.v * height:.3f}" for corner in settings.corners)
         length = {"WIDTH": "--width", "LENGTH": "--length", "CAMERA": "--camera-height"}[settings.known]
-        path = panorama.file_of(settings.image, folder)
+        path = panorama.file_of(settings.image, MeshFolder(folder))
         return ["calibrate", str(path), "--rectangle", corners, length, f"{settings.known_length:.6g}", "--json"]
 
     def take(self, context, question: Question):

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -16,6 +17,21 @@ CAMERA_TURN = Matrix(((1, 0, 0), (0, 0, 1), (0, -1, 0)))
 
 class CameraError(Exception):
     """The camera's settings have no counterpart."""
+
+
+@dataclass(frozen=True)
+class Eye:
+    """One of a camera's views.
+
+    Attributes:
+        matrix: where it stands.
+        shift_x: of its lens.
+        spherical: whether it is one of the two of an omnidirectional stereo panorama, which are rendered at once.
+    """
+
+    matrix: Matrix
+    shift_x: float
+    spherical: bool = False
 
 
 def panoramic(camera: bpy.types.Camera):
@@ -69,18 +85,19 @@ def sees(item, scene: bpy.types.Scene, point) -> bool:
     x, y, z = item.matrix_world.inverted() @ Vector(point)
     if z >= 0.0:
         return False
-    table, _ = _perspective(item, *resolution(scene))
+    table, _ = _perspective(item, *resolution(scene), item.data.shift_x)
     half, shift = math.tan(math.radians(0.5 * table["fov"])), table.get("shift", (0.0, 0.0))
     ratio = table["height"] / table["width"]
     return abs(x / -z / half - 2.0 * shift[0]) <= 1.0 and abs(y / -z / half - 2.0 * shift[1]) <= ratio
 
 
-def camera_table(item, scene) -> tuple[dict[str, Any], list[str]]:
+def camera_table(item, scene, eye: Eye | None = None) -> tuple[dict[str, Any], list[str]]:
     """The ``[camera.NAME]`` table of a camera.
 
     Args:
         item: the camera object, evaluated.
         scene: the scene, evaluated, for the resolution and the capture point.
+        eye: one of its views; by default the camera itself.
 
     Returns:
         The table, and notes on what of the camera cannot be carried.
@@ -92,17 +109,20 @@ def camera_table(item, scene) -> tuple[dict[str, Any], list[str]]:
         raise CameraError(f"Camera '{item.name}': it is no camera object")
     camera, (width, height) = item.data, resolution(scene)
     _check_pixels(item.name, scene)
+    eye = eye or Eye(item.matrix_world, camera.shift_x)
     if camera.type == "PERSP":
-        table, notes = _perspective(item, width, height)
+        table, notes = _perspective(item, width, height, eye.shift_x)
         _narrow(table, region(scene))
     elif camera.type == "PANO":
         table, notes = _panoramic(item.name, camera, width, height)
+        if eye.spherical:
+            table = _spherical(item.name, camera.stereo, table)
     else:
         raise CameraError(
             f"Camera '{item.name}': an orthographic camera cannot be rendered; use perspective or panoramic"
         )
-    if not (table["type"] == "equirectangular" and _is_at_capture(item, scene)):
-        table |= pose(item.matrix_world)
+    if not (table["type"] == "equirectangular" and _is_at_capture(eye.matrix, scene)):
+        table |= pose(eye.matrix)
     return table, notes
 
 
@@ -115,7 +135,21 @@ def pose(matrix: Matrix) -> Mapping[str, list[float]]:
     }
 
 
-def _is_at_capture(item, scene) -> bool:
+def _spherical(name, stereo, table: dict[str, Any]) -> dict[str, Any]:
+    """A panorama as one for two eyes, the left one's above the right one's."""
+    if table["type"] != "equirectangular":
+        raise CameraError(
+            f"Camera '{name}': spherical stereo is for equirectangular panoramas; switch it off, or change the type"
+        )
+    ends = [math.degrees(stereo.pole_merge_angle_from), math.degrees(stereo.pole_merge_angle_to)]
+    merge = ends if stereo.use_pole_merge else [90.0, 90.0]
+    both = {"type": "ods", "width": table["width"], "interocular_distance": stereo.interocular_distance}
+    if stereo.convergence_mode != "PARALLEL":
+        both["convergence_distance"] = stereo.convergence_distance
+    return both | {"zenith_merge": merge, "nadir_merge": merge, "layout": "top-bottom"}
+
+
+def _is_at_capture(matrix: Matrix, scene) -> bool:
     """Whether the camera stands and looks as the panorama was taken.
 
     Its pose is then left to the scene file's default: the photograph's pixels come through as they are.
@@ -123,8 +157,8 @@ def _is_at_capture(item, scene) -> bool:
     if scene.lightdepth.capture is None:
         return False
     capture = capture_pose(scene.lightdepth)
-    turned = item.matrix_world.to_quaternion().to_matrix() @ CAMERA_TURN
-    apart = (item.matrix_world.translation - capture.translation).length
+    turned = matrix.to_quaternion().to_matrix() @ CAMERA_TURN
+    apart = (matrix.translation - capture.translation).length
     return apart < 1e-5 and all(abs(turned[i][j] - capture[i][j]) < 1e-5 for i in range(3) for j in range(3))
 
 
@@ -133,7 +167,7 @@ def _check_pixels(name, scene) -> None:
         raise CameraError(f"Camera '{name}': pixels must be square; set both aspects in the output's format to 1")
 
 
-def _perspective(item, width, height):
+def _perspective(item, width, height, shift_x):
     camera = item.data
     fit = camera.sensor_fit
     horizontal = fit == "HORIZONTAL" or (fit == "AUTO" and width >= height)
@@ -145,8 +179,8 @@ def _perspective(item, width, height):
         "height": height,
         "fov": math.degrees(2.0 * math.atan(0.5 * sensor / camera.lens * width / fitted)),
     }
-    if camera.shift_x or camera.shift_y:
-        table["shift"] = [camera.shift_x * fitted / width, camera.shift_y * fitted / width]
+    if shift_x or camera.shift_y:
+        table["shift"] = [shift_x * fitted / width, camera.shift_y * fitted / width]
     notes = []
     if camera.dof.use_dof:
         table["aperture"] = 0.5e-3 * camera.lens / camera.dof.aperture_fstop

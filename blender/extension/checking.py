@@ -118,7 +118,8 @@ def show_holes(context, cells) -> None:
 def _red() -> bpy.types.Material:
     material = bpy.data.materials.get(HOLES_NAME) or bpy.data.materials.new(HOLES_NAME)
     material.diffuse_color = RED
-    material.use_nodes = True
+    if hasattr(material, "use_nodes"):  # deprecated since Blender 5.0, which always has nodes
+        material.use_nodes = True
     nodes = material.node_tree.nodes
     nodes.clear()
     shader, output = nodes.new("ShaderNodeEmission"), nodes.new("ShaderNodeOutputMaterial")

@@ -9,7 +9,7 @@ from typing import Any
 import bpy
 import numpy as np
 
-from . import cameras, evaluation, exr, passes
+from . import cameras, evaluation, exr, meshfolder, passes
 from .asking import renderer_command
 from .export import Exported, ExportError, export_scene, options
 from .process import RendererError
@@ -27,6 +27,7 @@ class LightdepthEngine(bpy.types.RenderEngine):
     bl_use_preview = False
     bl_use_eevee_viewport = True
     bl_use_shading_nodes_custom = False
+    bl_use_spherical_stereo = True
 
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tell the compositor which passes there are."""
@@ -35,6 +36,8 @@ class LightdepthEngine(bpy.types.RenderEngine):
             self.register_pass(scene, renderlayer, name, len(channels), channels, kind)
         if renderlayer.use_pass_object_index:
             self.register_pass(scene, renderlayer, passes.INDEX, 1, "X", "VALUE")
+        for name in _matte_passes(renderlayer):
+            self.register_pass(scene, renderlayer, name, 4, "RGBA", "COLOR")
 
     def render(self, depsgraph):
         """Render one view layer of one frame.
@@ -59,17 +62,52 @@ class LightdepthEngine(bpy.types.RenderEngine):
         self.error_set(why)
 
     def _render(self, depsgraph, folder: Path) -> None:
-        scene = depsgraph.scene_eval
-        if scene.render.use_multiview:
-            raise ExportError("Stereoscopy is not carried: switch it off in the output properties")
         command = renderer_command()
+        stop = _Stop(self.test_break)
+        for eye, tops in self._eyes(depsgraph):
+            self._render_eye(depsgraph, folder, command, stop, eye, tops)
+            if stop.asked:
+                return
+
+    def _eyes(self, depsgraph) -> list[tuple[cameras.Eye | None, dict[str, int]]]:
+        """What is rendered one after the other: an eye, and from which row on its picture has which views."""
+        scene = depsgraph.scene_eval
+        if not scene.render.use_multiview or scene.camera is None:
+            return [(None, {"": 0})]
+        camera = scene.camera.evaluated_get(depsgraph)
+        stereo = scene.render.views_format == "STEREO_3D"
+        views = [view.name for view in (scene.render.stereo_views if stereo else scene.render.views) if view.use]
+        if camera.data.type == "PANO" and self.use_spherical_stereo(camera):
+            if not set(views) <= {"left", "right"}:
+                raise ExportError(f"Spherical stereo has the views left and right; there are {', '.join(views)}")
+            matrix = self.camera_model_matrix(camera, use_spherical_stereo=True).copy()
+            tops = {"left": 0, "right": cameras.resolution(scene)[1]}
+            return [(cameras.Eye(matrix, 0.0, spherical=True), {view: tops[view] for view in views})]
+        eyes: list[tuple[cameras.Eye | None, dict[str, int]]] = []
+        for view in views:
+            self.active_view_set(view)
+            matrix = self.camera_model_matrix(camera).copy()
+            eyes.append((cameras.Eye(matrix, self.camera_shift_x(camera)), {view: 0}))
+        return eyes
+
+    def _render_eye(
+        self,
+        depsgraph,
+        folder: Path,
+        command: str,
+        stop: "_Stop",
+        eye: cameras.Eye | None,
+        tops: dict[str, int],
+    ) -> None:
+        scene = depsgraph.scene_eval
         self.update_stats("", "Exporting the scene")
-        exported = export_scene(depsgraph, folder / "scene.toml", every_camera=False)
+        files = meshfolder.of_session()
+        exported = export_scene(depsgraph, files.path.with_name("scene.toml"), files, every_camera=False, eye=eye)
         if exported.camera is None:
             raise ExportError("The scene has no active camera")
         original = depsgraph.scene  # whose settings only the main thread may change
         evaluation.on_main_thread(lambda: show_lines(original.lightdepth.export_notes, exported.notes), self.test_break)
-        if self.test_break():
+        if stop():
             return
         for note in exported.notes:
             self._warn(note)
@@ -79,13 +117,12 @@ class LightdepthEngine(bpy.types.RenderEngine):
             "camera": exported.camera,
             "output": str(picture),
             "preview_seconds": PREVIEW_SECONDS,
-            "layers": _layers(scene),
+            "layers": _layers(depsgraph),
             **options(scene.lightdepth),
         }
         self.update_stats("", "Starting the renderer")
-        stop = _Stop(self.test_break)
         with contextlib.closing(render(command, request, stop, self._warn)) as events:
-            self._follow(events, stop, picture, _View(depsgraph, exported))
+            self._follow(events, stop, picture, _View(depsgraph, exported, tops))
 
     def _follow(self, events: Iterator[dict[str, Any]], stop: "_Stop", picture: Path, view: "_View") -> None:
         """Show the renderer's progress until it ends or the person has waited enough."""
@@ -110,20 +147,29 @@ class LightdepthEngine(bpy.types.RenderEngine):
 
     def _show(self, picture: Path, view: "_View") -> None:
         """Put the file's parts into Blender's passes."""
-        pixels = view.passes(exr.read(picture))
+        parts = exr.read(picture)
+        for name, top in view.tops.items():
+            self._show_view(view.passes(parts, top), view, name)
+
+    def _show_view(self, pixels: dict[str, np.ndarray], view: "_View", name_of_view: str) -> None:
         for name, (_, channels, _) in passes.PASSES.items():
             if name in pixels:
                 self.add_pass(name, len(channels), channels, layer=view.layer)
         if passes.INDEX in pixels:
             self.add_pass(passes.INDEX, 1, "X", layer=view.layer)
+        for name in view.matte_passes:
+            self.add_pass(name, 4, "RGBA", layer=view.layer)
         height, width = pixels["Combined"].shape[:2]
-        result = self.begin_result(0, 0, width, height, layer=view.layer)
+        result = self.begin_result(0, 0, width, height, layer=view.layer, view=name_of_view)
         for target in result.layers[0].passes:
             if target.name in pixels:
                 # Blender's pictures begin at the bottom.
                 values = np.ascontiguousarray(pixels[target.name][::-1], np.float32)
                 target.rect.foreach_set(values.ravel())
         self.end_result(result)
+        whole = self.get_result()
+        for key, value in view.facts.items():
+            whole.stamp_data_add_field(key, value)
 
 
 class _Stop:
@@ -141,17 +187,29 @@ class _Stop:
 class _View:
     """How the renderer's picture becomes that of one view layer."""
 
-    def __init__(self, depsgraph, exported: Exported):
+    def __init__(self, depsgraph, exported: Exported, tops: dict[str, int]):
         scene = depsgraph.scene_eval
         camera = scene.camera.evaluated_get(depsgraph)
+        self.tops = tops
         self.layer = depsgraph.view_layer_eval.name
         self._cut = cameras.cut(camera, scene)
         self._circle = cameras.circle(camera)
         self._transparent = scene.render.film_transparent
-        self._indices = exported.pass_indices if depsgraph.view_layer_eval.use_pass_object_index else None
+        layer = depsgraph.view_layer_eval
+        self._indices = None
+        if layer.use_pass_object_index:
+            self._indices = [each.source.pass_index for each in exported.objects]
+        self.matte_passes = [] if scene.lightdepth.draft else _matte_passes(layer)
+        self._names = {
+            "CryptoObject": {each.name: each.source.name for each in exported.objects},
+            "CryptoAsset": {each.name: each.source.asset for each in exported.objects},
+        }
+        self.facts: dict[str, str] = {}
+        for name in {name[:-2] for name in self.matte_passes}:
+            self.facts |= passes.matte_facts(f"{self.layer}.{name}", self._names[name])
 
-    def passes(self, parts: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-        """Pixels by pass name, see :func:`.passes.from_parts`."""
+    def passes(self, parts: dict[str, dict[str, np.ndarray]], first: int) -> dict[str, np.ndarray]:
+        """Pixels by pass name, see :func:`.passes.from_parts`, of the view that begins at a row."""
         pixels = passes.from_parts(parts)
         if self._circle is not None:
             passes.keep_circle(pixels, self._circle)
@@ -159,17 +217,30 @@ class _View:
             passes.make_transparent(pixels)
         if self._indices is not None and "Object ID" in pixels:
             pixels[passes.INDEX] = passes.indices(pixels["Object ID"], self._indices)
+        for layer in {name[:-2] for name in self.matte_passes}:
+            count = sum(name[:-2] == layer for name in self.matte_passes)
+            pixels |= passes.mattes(parts["beauty"], layer, self._names[layer], count)
         left, top, width, height = self._cut
+        top += first
         found = pixels["Combined"].shape
         if found[0] < top + height or found[1] < left + width:
             raise RendererError(f"The renderer made {found[1]} x {found[0]} pixels, too few for {width} x {height}")
         return {name: values[top : top + height, left : left + width] for name, values in pixels.items()}
 
 
-def _layers(scene) -> list[str]:
+def _matte_passes(layer) -> list[str]:
+    """Names of the Cryptomatte passes that a view layer wants, two ranks each."""
+    count = (layer.pass_cryptomatte_depth + 1) // 2
+    wanted = [name for name, setting in passes.MATTES.items() if getattr(layer, f"use_pass_cryptomatte_{setting}")]
+    return [f"{name}{index:02}" for name in wanted for index in range(count)]
+
+
+def _layers(depsgraph) -> list[str]:
     """Layers of the renderer's picture that Blender's passes are made of."""
+    scene = depsgraph.scene_eval
     if not scene.lightdepth.draft:
-        return [{"alpha": "coverage"}.get(part, part) for part, _, _ in passes.PASSES.values()]
+        mattes = ["cryptomatte"] if _matte_passes(depsgraph.view_layer_eval) else []
+        return [part for part, _, _ in passes.PASSES.values()] + mattes
     return ["plate", "coverage"] if scene.render.film_transparent else []
 
 

@@ -1,14 +1,13 @@
 """The scene as Blender renders it, written as a scene file and its meshes: for F12 and for the command line alike."""
 
-import hashlib
 import itertools
 import math
 import os
-import re
 import shlex
 from collections import defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +18,7 @@ from mathutils import Matrix
 
 from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, suns, toml
 from .evaluation import EvaluationError, unexpected, with_render_depsgraph
+from .meshfolder import Made, MeshFolder, digest_of
 from .picking import capture_pose
 from .properties import show_lines
 
@@ -32,8 +32,6 @@ MERGED_FROM = 32
 """Instances of one object by one instancer, from which on they are one mesh with one object number."""
 MERGED_TRIANGLES = 20_000_000
 """Most triangles of such a mesh; more instances than that stay apart and share a file."""
-LONGEST_NAME = 60
-"""Letters of an object's name in the name of its file."""
 _RAYS = {
     "visible_camera": "camera",
     "visible_diffuse": "diffuse",
@@ -47,6 +45,34 @@ class ExportError(Exception):
     """Something without which there is no scene to render."""
 
 
+@dataclass(frozen=True)
+class Source:
+    """The object of Blender that one of the scene file comes from.
+
+    Attributes:
+        name: of the object.
+        asset: name of the outermost of its parents, or its own.
+        pass_index: of the object.
+    """
+
+    name: str
+    asset: str
+    pass_index: int
+
+
+@dataclass(frozen=True)
+class Carried:
+    """A synthetic object of the scene file.
+
+    Attributes:
+        name: in the scene file.
+        source: what it is in Blender.
+    """
+
+    name: str
+    source: Source
+
+
 @dataclass
 class Exported:
     """A scene that was written.
@@ -55,23 +81,22 @@ class Exported:
         path: the scene file.
         camera: name of the active camera in it, or ``None`` where there is none.
         notes: what could not be carried, one sentence each.
-        pass_indices: of each object of the file, as Blender has them, in the file's order.
+        objects: the file's synthetic objects, in its order.
     """
 
     path: Path
     camera: str | None
     notes: list[str]
-    pass_indices: list[int]
+    objects: list[Carried]
 
 
 @dataclass
 class _Group:
     """Places where one mesh with the same materials stands, each as its own object or all made by one instancer."""
 
-    name: str
+    source: Source
     key: tuple
     instanced: bool
-    pass_index: int
     places: list[np.ndarray] = field(default_factory=list)
 
 
@@ -83,6 +108,11 @@ class _Look:
     triangles: meshes.Triangles
     slots: list[str]
     surfaces: list[materials.Surface]
+
+    @cached_property
+    def digest(self) -> bytes:
+        """Of all that its file is made of."""
+        return digest_of(self.triangles, self.slots, self.surfaces)
 
     def bounds(self, place: np.ndarray) -> np.ndarray:
         """Smallest and largest coordinates of its vertices at a place, shape (2, 3)."""
@@ -96,25 +126,20 @@ class _Writer:
 
     depsgraph: bpy.types.Depsgraph
     folder: Path
-    mesh_folder: Path
+    files: MeshFolder
     origin: np.ndarray
     real: list[dict[str, Any]] = field(default_factory=list)
     synthetic: list[dict[str, Any]] = field(default_factory=list)
-    pass_indices: list[int] = field(default_factory=list)
+    objects: list[Carried] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
-    files: set[str] = field(default_factory=set)
     looks: dict[tuple, _Look | None] = field(default_factory=dict)
     groups: dict[tuple, _Group] = field(default_factory=dict)
     surfaces: dict[int, materials.Surface] = field(default_factory=dict)
-    contents: dict[bytes, str] = field(default_factory=dict)
     written: dict[tuple, str] = field(default_factory=dict)
     bounds: list[np.ndarray] = field(default_factory=list)
     seen: set[int] = field(default_factory=set)
     counts: defaultdict[str, int] = field(default_factory=lambda: defaultdict(int))
-
-    def __post_init__(self) -> None:
-        self.images = images.ImageFolder(self.mesh_folder)
 
     def note(self, *sentences: str) -> None:
         self.notes |= dict.fromkeys(sentences)
@@ -127,17 +152,6 @@ class _Writer:
             candidate = f"{name} {self.counts[name]}"
         self.names.add(candidate)
         return candidate
-
-    def new_file(self, name: str, suffix: str) -> Path:
-        """A file that no other object has, also where letters' case does not count."""
-        self.mesh_folder.mkdir(parents=True, exist_ok=True)
-        plain = re.sub(r"[^\w.-]+", "_", name, flags=re.ASCII)[:LONGEST_NAME] or "mesh"
-        candidate = f"{plain}{suffix}"
-        while candidate.lower() in self.files:
-            self.counts[candidate.lower()] += 1
-            candidate = f"{plain}_{self.counts[f'{plain}{suffix}'.lower()]}{suffix}"
-        self.files.add(candidate.lower())
-        return self.mesh_folder / candidate
 
     def relative(self, path: Path) -> str:
         return Path(os.path.relpath(path, self.folder)).as_posix()
@@ -174,12 +188,12 @@ class _Writer:
             place = np.array(to_world.translation) + self.origin
             if cameras.sees(camera.evaluated_get(self.depsgraph), self.depsgraph.scene_eval, place):
                 said.append(f"Light '{item.name}': the camera sees it shine; in Cycles it is not seen by cameras")
-        self._append_tables(tables, item.pass_index)
+        self._append_tables(tables, _source(item))
         self.note(*said)
 
-    def _append_tables(self, tables: list[dict[str, Any]], pass_index: int) -> None:
+    def _append_tables(self, tables: list[dict[str, Any]], source: Source) -> None:
         self.synthetic += tables
-        self.pass_indices += [pass_index] * len(tables)
+        self.objects += [Carried(table["name"], source) for table in tables]
 
     def _note_light_linking(self, item) -> None:
         linking = getattr(item, "light_linking", None)
@@ -211,8 +225,9 @@ class _Writer:
             if mesh is None or not mesh.polygons:
                 return
             name = self.unique(item.name)
-            path = self.new_file(name, ".ply")
-            self.bounds.append(meshes.write_real(path, mesh, to_world, self.origin))
+            data, bounds = meshes.real_data(mesh, to_world, self.origin)
+            path = self.files.path / self.files.write(name, ".ply", data)
+            self.bounds.append(bounds)
         finally:
             item.to_mesh_clear()
         settings = item.lightdepth
@@ -236,7 +251,7 @@ class _Writer:
         # What an instancer makes is gathered; objects stay by themselves.
         place = (key, item.name, instancer) if by_instancing else (key, item.name, "", len(self.groups))
         if place not in self.groups:
-            self.groups[place] = _Group(item.name, key, by_instancing, item.pass_index)
+            self.groups[place] = _Group(_source(item), key, by_instancing)
         matrix = np.array(to_world, np.float64)
         matrix[:3, 3] -= self.origin
         self.groups[place].places.append(matrix)
@@ -278,7 +293,7 @@ class _Writer:
             outside = closed & ((bounds[:, 1] < low) | (bounds[:, 0] > high)).any(axis=1)
             if outside.any():
                 count = f"{outside.sum()} of its instances are" if outside.sum() < len(outside) else "is"
-                self.note(f"Object '{group.name}': {count} outside the place and left out")
+                self.note(f"Object '{group.source.name}': {count} outside the place and left out")
             places = [place for place, out in zip(group.places, outside, strict=True) if not out]
             self._note_clipping(group, look, bounds[~outside])
             if places:
@@ -296,17 +311,17 @@ class _Writer:
             for place in (group.places[i] for i in np.nonzero(nearest < camera.data.clip_start)[0]):
                 points = look.triangles.positions @ place[:3, :3].T + place[:3, 3] - eye
                 if (np.linalg.norm(points, axis=1) < camera.data.clip_start).any():
-                    self.note(f"Camera '{camera.name}': its clip start does not cut object '{group.name}'")
+                    self.note(f"Camera '{camera.name}': its clip start does not cut object '{group.source.name}'")
                     break
         if (nearest > camera.data.clip_end).any():
-            self.note(f"Camera '{camera.name}': its clip end does not cut object '{group.name}'")
+            self.note(f"Camera '{camera.name}': its clip end does not cut object '{group.source.name}'")
 
     def _write_group(self, group: _Group, look: _Look, places: list[np.ndarray]) -> None:
         count = len(look.triangles.vertices) * len(places)
         if group.instanced and len(places) >= MERGED_FROM and count <= MERGED_TRIANGLES:
-            file = self._write(replace(look, triangles=meshes.repeated(look.triangles, np.array(places))))
-            tables = [{"name": self.unique(group.name), "mesh": file}] if file else []
-            self._append_tables(tables, group.pass_index)
+            file = self._write(look, np.array(places))
+            tables = [{"name": self.unique(group.source.name), "mesh": file}] if file else []
+            self._append_tables(tables, group.source)
             return
         for place in places:
             placement = _placement(Matrix(place.tolist()))
@@ -315,28 +330,43 @@ class _Writer:
                     self.written[group.key] = self._write(look)
                 file = self.written[group.key]
             else:
-                file = self._write(replace(look, triangles=look.triangles.transformed(place)))
+                file = self._write(look, place[None])
             if file:
-                table = {"name": self.unique(group.name), "mesh": file, **(placement or {})}
-                self._append_tables([table], group.pass_index)
+                table = {"name": self.unique(group.source.name), "mesh": file, **(placement or {})}
+                self._append_tables([table], group.source)
 
-    def _write(self, look: _Look) -> str:
-        """Write a mesh file, or find the one with the same content; returns its relative path, empty without faces."""
-        writer = gltf.Writer(self.images)
-        last = len(look.surfaces) - 1
-        slots = np.clip(look.triangles.slots, 0, last)
+    def _write(self, look: _Look, places: np.ndarray | None = None) -> str:
+        """Write a mesh file, or find the one with the same content; returns its relative path, empty without faces.
+
+        Args:
+            look: the mesh.
+            places: where it stands, shape (k, 4, 4); ``None`` for as it is.
+        """
+        key = look.digest if places is None else digest_of(look.digest, places)
+        made = self.files.found(key)
+        if made is None:
+            made = self._made(look, look.triangles if places is None else meshes.repeated(look.triangles, places))
+            self.files.keep(key, made)
+        self.note(*made.notes)
+        return self.relative(self.files.path / made.files[0]) if made.files else ""
+
+    def _made(self, look: _Look, triangles: meshes.Triangles) -> Made:
+        folder = images.ImageFolder(self.files)
+        writer = gltf.Writer(folder)
+        slots = np.clip(triangles.slots, 0, len(look.surfaces) - 1)
         for slot, (surface, name) in enumerate(zip(look.surfaces, look.slots, strict=True)):
-            writer.add(look.triangles, np.nonzero(slots == slot)[0], surface, name)
-        self.note(*writer.notes)
+            writer.add(triangles, np.nonzero(slots == slot)[0], surface, name)
         if writer.is_empty:
-            return ""
-        data = writer.data()
-        digest = hashlib.blake2b(data, digest_size=16).digest()
-        if digest not in self.contents:
-            path = self.new_file(look.name, ".glb")
-            path.write_bytes(data)
-            self.contents[digest] = self.relative(path)
-        return self.contents[digest]
+            return Made((), tuple(writer.notes))
+        file = self.files.write(look.name, ".glb", writer.data())
+        return Made((file, *folder.names), tuple(writer.notes))
+
+
+def _source(item) -> Source:
+    outermost = item
+    while outermost.parent is not None:
+        outermost = outermost.parent
+    return Source(item.name, outermost.name, item.pass_index)
 
 
 def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
@@ -380,7 +410,7 @@ def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
     settings = scene.lightdepth
     capture = capture_pose(settings)
     return {
-        "image": writer.relative(panorama.file_of(settings.image, writer.mesh_folder)),
+        "image": writer.relative(panorama.file_of(settings.image, writer.files)),
         "position": list(writer.local(capture).translation),
         "rotation": [math.degrees(angle) for angle in capture.to_euler("XYZ")],
         "scale": settings.scale,
@@ -388,7 +418,7 @@ def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
     }
 
 
-def _camera_tables(scene, writer: _Writer, every_camera: bool) -> dict[str, Any]:
+def _camera_tables(scene, writer: _Writer, every_camera: bool, eye: cameras.Eye | None) -> dict[str, Any]:
     """All cameras that can be carried, or the active one alone; that one must be."""
     tables = {}
     for item in scene.objects:
@@ -397,7 +427,7 @@ def _camera_tables(scene, writer: _Writer, every_camera: bool) -> dict[str, Any]
             continue
         evaluated = item.evaluated_get(writer.depsgraph)
         try:
-            table, said = cameras.camera_table(evaluated, scene)
+            table, said = cameras.camera_table(evaluated, scene, eye if active else None)
             if "position" in table:
                 table["position"] = [float(a - b) for a, b in zip(table["position"], writer.origin, strict=True)]
             tables[item.name] = table
@@ -447,13 +477,21 @@ def _origin(scene) -> np.ndarray:
     return np.round(np.array(capture_pose(scene.lightdepth).translation) / FAR) * FAR + 0.0
 
 
-def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool = True) -> Exported:
+def export_scene(
+    depsgraph: bpy.types.Depsgraph,
+    path: Path,
+    folder: MeshFolder | None = None,
+    every_camera: bool = True,
+    eye: cameras.Eye | None = None,
+) -> Exported:
     """Write the scene of a depsgraph that was made for rendering. Nothing of Blender's data is changed.
 
     Args:
         depsgraph: the evaluated scene.
-        path: the scene file to write; meshes go into a folder beside it.
+        path: the scene file to write.
+        folder: where meshes and images go; by default beside the scene file.
         every_camera: write all cameras that can be carried, not the active one alone.
+        eye: of the active camera, where it is one of several.
 
     Raises:
         ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
@@ -461,7 +499,9 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool 
     """
     scene = depsgraph.scene_eval
     require_panorama(scene)
-    writer = _Writer(depsgraph, path.parent, path.with_name(f"{path.stem}_meshes"), _origin(scene))
+    folder = folder or MeshFolder(path.with_name(f"{path.stem}_meshes"))
+    folder.begin()
+    writer = _Writer(depsgraph, path.parent, folder, _origin(scene))
     document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
     try:
         for item, to_world, by_instancing, instancer in _instances(depsgraph):
@@ -475,7 +515,10 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool 
         graph.forget_pictures()
     if scene.render.use_motion_blur:
         writer.note("Motion blur is not carried")
-    tables = _camera_tables(scene, writer, every_camera)
+    layer = depsgraph.view_layer_eval
+    if layer.use_pass_cryptomatte_material:
+        writer.note(f"View layer '{layer.name}': Cryptomatte has objects and assets; materials are not carried")
+    tables = _camera_tables(scene, writer, every_camera, eye)
     light_tables, said = scene_lights(depsgraph, writer.folder, writer.origin)
     writer.note(*said)
     document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
@@ -487,7 +530,7 @@ def export_scene(depsgraph: bpy.types.Depsgraph, path: Path, every_camera: bool 
     temporary.write_text(head + toml.dumps(document), encoding="utf-8")
     os.replace(temporary, path)
     active = scene.camera.name if scene.camera is not None and scene.camera.name in tables else None
-    return Exported(path, active, list(writer.notes), writer.pass_indices)
+    return Exported(path, active, list(writer.notes), writer.objects)
 
 
 def options(settings) -> dict[str, Any]:

@@ -1,12 +1,12 @@
 """Pixels of Blender's images as linear Rec.709 numbers, and image files for the renderer."""
 
-import hashlib
 import struct
 import zlib
-from pathlib import Path
 
 import bpy
 import numpy as np
+
+from .meshfolder import MeshFolder
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 """Of linear Rec.709, by which Blender turns a colour into a number."""
@@ -120,14 +120,18 @@ def encoded(linear: np.ndarray) -> np.ndarray:
 
 
 class ImageFolder:
-    """Writes image files, each content once.
+    """Writes the image files of one mesh.
 
     Args:
-        folder: where they go; made with the first file.
+        folder: where they go.
+
+    Attributes:
+        names: of the files.
     """
 
-    def __init__(self, folder: Path):
+    def __init__(self, folder: MeshFolder):
         self._folder = folder
+        self.names: list[str] = []
 
     def png(self, values: np.ndarray) -> str:
         """Write numbers in [0, 1], shape (height, width, 3 or 4), as an 8-bit PNG; returns the file's name.
@@ -165,9 +169,5 @@ class ImageFolder:
         return self._write(header + codes.tobytes(), ".hdr")
 
     def _write(self, data: bytes, suffix: str) -> str:
-        name = f"image_{hashlib.blake2b(data, digest_size=8).hexdigest()}{suffix}"
-        self._folder.mkdir(parents=True, exist_ok=True)
-        path = self._folder / name
-        if not path.is_file():
-            path.write_bytes(data)
-        return name
+        self.names.append(self._folder.write("", suffix, data))
+        return self.names[-1]

@@ -55,7 +55,7 @@ def strength(name: str, light) -> tuple[list[float], list[str]]:
 
 def _shader(name: str, light) -> tuple[np.ndarray, list[str]]:
     """What the lamp's nodes multiply its colour by, shape (3,), and notes on what of them cannot be carried."""
-    if not light.use_nodes or light.node_tree is None:
+    if not getattr(light, "use_nodes", True) or light.node_tree is None:
         return np.ones(3), []
     output = light.node_tree.get_output_node("CYCLES") or light.node_tree.get_output_node("ALL")
     source = None if output is None else graph.origin(graph.Place(output.inputs["Surface"]))

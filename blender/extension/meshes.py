@@ -1,7 +1,6 @@
 """Triangles of Blender's evaluated meshes as arrays, and the PLY files of real surfaces."""
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import bpy
 import numpy as np
@@ -186,17 +185,16 @@ def _boxed(places: np.ndarray, normals: np.ndarray) -> np.ndarray:
     return np.where(axis == 0, along_x, np.where(axis == 1, along_y, along_z))
 
 
-def write_real(path: Path, mesh: bpy.types.Mesh, to_world: Matrix, offset: np.ndarray) -> np.ndarray:
-    """Write a mesh as binary PLY of triangles.
+def real_data(mesh: bpy.types.Mesh, to_world: Matrix, offset: np.ndarray) -> tuple[bytes, np.ndarray]:
+    """A mesh as binary PLY of triangles.
 
     Args:
-        path: the file.
         mesh: the mesh, modifiers applied.
         to_world: its matrix.
         offset: taken off all positions, shape (3,).
 
     Returns:
-        The smallest and the largest coordinates, shape (2, 3).
+        The file's bytes, and the smallest and the largest coordinates, shape (2, 3).
     """
     mesh.calc_loop_triangles()
     columns = ["x", "y", "z"]
@@ -221,5 +219,4 @@ def write_real(path: Path, mesh: bpy.types.Mesh, to_world: Matrix, offset: np.nd
         "property list uchar int vertex_indices",
         "end_header\n",
     ]
-    path.write_bytes("\n".join(header).encode() + vertices.astype("<f4").tobytes() + faces.tobytes())
-    return bounds
+    return "\n".join(header).encode() + vertices.astype("<f4").tobytes() + faces.tobytes(), bounds

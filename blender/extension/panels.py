@@ -267,6 +267,26 @@ class RenderPanel(_Rendering, bpy.types.Panel):
         layout.prop(settings, "denoise")
 
 
+class LayerPanel(_Rendering, bpy.types.Panel):
+    """Passes that are made where they are wanted; the others are always there."""
+
+    bl_idname = "LIGHTDEPTH_PT_layer"
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context):
+        layout, layer = self.layout, context.view_layer
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop(layer, "use_pass_object_index")
+        column = layout.column(heading="Cryptomatte", align=True)
+        column.prop(layer, "use_pass_cryptomatte_object", text="Object")
+        column.prop(layer, "use_pass_cryptomatte_asset", text="Asset")
+        wanted = layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset
+        row = layout.row()
+        row.active = wanted
+        row.prop(layer, "pass_cryptomatte_depth", text="Levels")
+
+
 class PanoramicLensPanel(_Rendering, bpy.types.Panel):
     """The panoramic lens, which Cycles' own panel shows only for Cycles."""
 
@@ -302,6 +322,7 @@ classes = (
     ObjectPanel,
     RealLightPanel,
     RenderPanel,
+    LayerPanel,
     PanoramicLensPanel,
 )
 

@@ -12,6 +12,8 @@ from typing import ClassVar
 import bpy
 from bpy_extras.io_utils import ImportHelper
 
+from .meshfolder import MeshFolder
+
 REST = "rest"
 """Name of the vertex attribute with environment texture coordinates: positions in the world, metres."""
 CAPTURE_NAME = "Capture point"
@@ -25,7 +27,7 @@ PROJECTION = "lightdepth projection"
 EYE_HEIGHT = 1.6
 
 
-def file_of(image: bpy.types.Image, folder: Path) -> Path:
+def file_of(image: bpy.types.Image, folder: MeshFolder) -> Path:
     """The panorama's file; one that is packed into the .blend is written into a folder first.
 
     Raises:
@@ -34,9 +36,7 @@ def file_of(image: bpy.types.Image, folder: Path) -> Path:
     """
     path = Path(bpy.path.abspath(image.filepath, library=image.library))
     if image.packed_file is not None:
-        folder.mkdir(parents=True, exist_ok=True)
-        path = folder / (path.name or "panorama.exr")
-        path.write_bytes(image.packed_file.data)
+        path = folder.path / folder.write(path.stem or "panorama", path.suffix or ".exr", image.packed_file.data)
     elif not path.is_file():
         raise FileNotFoundError(f"The panorama's file is gone: {path}")
     return path
@@ -79,7 +79,8 @@ def rebuild(scene: bpy.types.Scene) -> None:
 
 def _build(owner, output_type, shader_type, settings, at_infinity=False, has_rest=False) -> None:
     """Make the node graph of a world or a material anew."""
-    owner.use_nodes = True
+    if hasattr(owner, "use_nodes"):  # deprecated since Blender 5.0, which always has nodes
+        owner.use_nodes = True
     nodes, links = owner.node_tree.nodes, owner.node_tree.links
     owner.node_tree.animation_data_clear()
     nodes.clear()

@@ -1,5 +1,7 @@
 """The parts of the renderer's file as passes of Blender's render result."""
 
+import json
+
 import numpy as np
 
 from .images import from_rec709
@@ -8,7 +10,7 @@ PASSES = {
     "Plate": ("plate", "RGB", "COLOR"),
     "Change": ("change", "RGB", "COLOR"),
     "Synthetic": ("synthetic", "RGB", "COLOR"),
-    "Coverage": ("alpha", "Y", "VALUE"),
+    "Coverage": ("coverage", "Y", "VALUE"),
     "Object ID": ("object_id", "X", "VALUE"),
     "Depth": ("depth", "Z", "VALUE"),
     "Normal": ("normal", "XYZ", "VECTOR"),
@@ -18,6 +20,9 @@ PASSES = {
 """Blender's name of a pass: the part's name in the file, the channels' names in Blender, the kind of pass."""
 INDEX = "IndexOB"
 """Blender's name of the pass with the objects' pass indices."""
+
+MATTES = {"CryptoObject": "object", "CryptoAsset": "asset"}
+"""Blender's names of the Cryptomatte layers that are made, and what the view layer's settings call them."""
 
 
 def from_parts(parts: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -37,7 +42,8 @@ def from_parts(parts: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]
     for name, (part, channels, _) in PASSES.items():
         if part in parts:
             found = parts[part]
-            # A single channel is the only one of its part, whatever the file calls it.
+            # Channels are called after their layer, which is mostly that of the part; a single one is taken as it is.
+            found = {name.rpartition(".")[2]: plane for name, plane in found.items()}
             planes = [found[channel] for channel in channels] if len(channels) > 1 else [next(iter(found.values()))]
             pixels[name] = np.stack(planes, axis=-1)
     for name in ("Combined", *(name for name, (_, _, kind) in PASSES.items() if kind == "COLOR" and name in pixels)):
@@ -82,3 +88,68 @@ def indices(numbers: np.ndarray, of_objects: list[int]) -> np.ndarray:
     """
     table = np.array([0, *of_objects], np.float32)
     return table[np.clip(numbers.astype(np.int64), 0, len(of_objects))]
+
+
+def mattes(beauty: dict[str, np.ndarray], layer: str, names: dict[str, str], count: int) -> dict[str, np.ndarray]:
+    """A Cryptomatte layer by the names that objects have in Blender.
+
+    Args:
+        beauty: channels of the finished picture, with those of the renderer's layer of objects where there are any.
+        layer: out of ``MATTES``.
+        names: the name that counts, by the object's name in the scene file.
+        count: passes of two ranks each.
+
+    Returns:
+        Arrays of shape (height, width, 4) by the name of their pass.
+    """
+    shape = beauty["A"].shape
+    numbers = {matte_id(name): matte_id(meant) for name, meant in names.items()}
+    known = np.array(sorted(numbers), np.uint32)
+    wanted = np.array([numbers[number] for number in known.tolist()], np.uint32)
+    found = {}
+    for index in range(count):
+        made = found[f"{layer}{index:02}"] = np.zeros((*shape, 4), np.float32)
+        for channel, letter in enumerate("RGBA"):
+            plane = beauty.get(f"CryptoObject{index:02}.{letter}")
+            if plane is None:
+                continue
+            plane = np.ascontiguousarray(plane, np.float32)
+            if letter in "RB" and len(known):
+                ids = plane.view(np.uint32)
+                place = np.minimum(np.searchsorted(known, ids), len(known) - 1)
+                plane = np.where(known[place] == ids, wanted[place], ids).view(np.float32)
+            made[..., channel] = plane
+    return found
+
+
+def matte_facts(layer: str, names: dict[str, str]) -> dict[str, str]:
+    """What the file's header says of a Cryptomatte layer; arguments as for :func:`mattes`, the layer's name in full."""
+    prefix = f"cryptomatte/{murmur3(layer.encode()):08x}"[: len("cryptomatte/") + 7]
+    manifest = {name: f"{matte_id(name):08x}" for name in names.values()}
+    facts = {"name": layer, "hash": "MurmurHash3_32", "conversion": "uint32_to_float32"}
+    facts["manifest"] = json.dumps(manifest, ensure_ascii=False)
+    return {f"{prefix}/{key}": value for key, value in facts.items()}
+
+
+def matte_id(name: str) -> int:
+    """The id of a name, as Cryptomatte's specification 1.2.0 has it."""
+    value = murmur3(name.encode())
+    return value ^ (1 << 23) if (value >> 23) & 255 in (0, 255) else value
+
+
+def murmur3(data: bytes) -> int:
+    """MurmurHash3_x86_32 with the seed 0 (A. Appleby, public domain)."""
+
+    def rotated(value: int, by: int) -> int:
+        return (value << by | value >> (32 - by)) & 0xFFFFFFFF
+
+    value, whole = 0, len(data) // 4 * 4
+    for start in range(0, len(data), 4):
+        block = int.from_bytes(data[start : start + 4], "little") * 0xCC9E2D51 & 0xFFFFFFFF
+        value ^= rotated(block, 15) * 0x1B873593 & 0xFFFFFFFF
+        if start < whole:
+            value = (rotated(value, 13) * 5 + 0xE6546B64) & 0xFFFFFFFF
+    value ^= len(data)
+    for shift, factor in ((16, 0x85EBCA6B), (13, 0xC2B2AE35)):
+        value = (value ^ value >> shift) * factor & 0xFFFFFFFF
+    return value ^ value >> 16

@@ -101,8 +101,7 @@ def _show_sun(context, name, table, direction, folder, origin) -> None:
     strongest = max(float(irradiance.max()), 1e-30)
     light.color, light.energy = irradiance / strongest, strongest
     light.angle = math.radians(table.get("diameter", 0.53))
-    light.use_nodes = False
-    for plain, value in (("exposure", 0.0), ("use_temperature", False), ("normalize", True)):
+    for plain, value in (("use_nodes", False), ("exposure", 0.0), ("use_temperature", False), ("normalize", True)):
         if hasattr(light, plain):
             setattr(light, plain, value)
     settings.real_light = True

@@ -1,6 +1,9 @@
 """A furnished-looking room, computed, as a panorama whose pose is known: to try `lightdepth calibrate` on.
 
     python examples/calibration/room.py -o room.exr
+    python examples/calibration/room.py --photo plate.png
+
+The second is an ordinary photograph from another place, through a lens that distorts, for `lightdepth calibrate view`.
 
 The world's origin is a corner of the rug, which lies along x for 2 metres and along y for 3. The light is invented;
 directions are exact.
@@ -13,8 +16,17 @@ from pathlib import Path
 
 import numpy as np
 
-from lightdepth.directions import FloatArray, direction_to_latlong, euler_rotation, pixel_directions
+from lightdepth.cameras import Perspective
+from lightdepth.directions import (
+    FloatArray,
+    direction_to_latlong,
+    euler_rotation,
+    look_at_rotation,
+    pixel_directions,
+)
+from lightdepth.images.png import write_png
 from lightdepth.images.radiance import write_radiance
+from lightdepth.images.tonemapping import auto_exposure, tone_map
 
 POSITION = np.array([1.3, -0.9, 1.55])
 ROTATION = np.array([3.0, -2.0, 21.0])
@@ -28,6 +40,10 @@ DOOR = (0.2, 1.1, 2.05)
 WINDOW = (0.3, 2.3, 0.9, 2.2)
 """The window's sides, sill and top on the wall at the far end of y, along x and z, metres."""
 LAMP = np.array([1.0, 1.5, 2.5])
+PHOTO = Perspective(type="perspective", width=1200, height=800, fov=72, distortion=(-0.16, 0.03))
+"""The camera of the ordinary photograph."""
+PHOTO_POSITION = np.array([-1.1, -1.7, 1.4])
+PHOTO_ROTATION = look_at_rotation(PHOTO_POSITION, [2.5, 2.4, 0.9]) @ euler_rotation([0.0, 2.0, 0.0])
 
 
 def pixels(
@@ -40,7 +56,47 @@ def pixels(
 
 def radiance(width: int, position: FloatArray = POSITION, rotation: FloatArray = ROTATION) -> np.ndarray:
     """The panorama, two samples across each pixel, linear RGB, shape (width / 2, width, 3), float32."""
-    directions = pixel_directions(width, 2 * width) @ euler_rotation(rotation).T
+    colour = _seen(pixel_directions(width, 2 * width) @ euler_rotation(rotation).T, position)
+    return colour.reshape(width // 2, 2, width, 2, 3).mean(axis=(1, 3)).astype(np.float32)
+
+
+def photo_pixels(points: FloatArray) -> FloatArray:
+    """Where world points, shape (..., 3), are in the ordinary photograph, shape (..., 2)."""
+    film, _ = PHOTO.film_of((np.asarray(points) - PHOTO_POSITION) @ PHOTO_ROTATION)
+    return film * PHOTO.resolution
+
+
+def photo() -> np.ndarray:
+    """The ordinary photograph, two samples across each pixel, for the screen, uint8."""
+    width, height = PHOTO.resolution
+    x, y = (np.arange(2 * width) + 0.5) / (2 * width), (np.arange(2 * height) + 0.5) / (2 * height)
+    film = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
+    colour = _seen(PHOTO.directions_of(film) @ PHOTO_ROTATION.T, PHOTO_POSITION)
+    picture = colour.reshape(height, 2, width, 2, 3).mean(axis=(1, 3)).astype(np.float32)
+    return tone_map(picture, auto_exposure(picture))
+
+
+def photo_lines() -> list[tuple[str, FloatArray]]:
+    """Edges that the photograph shows, four points along each, from minus to plus: option and points, shape (4, 3)."""
+    start, end, top = DOOR
+    left, right, sill, head = WINDOW
+    x, y, z = HIGH
+    ends = {
+        "x-line": [([0.4, 0, 0], [2, 0, 0]), ([0, 3, 0], [2, 3, 0]), ([left, y, sill], [right, y, sill])],
+        "y-line": [([2, 0.1, 0], [2, 3, 0]), ([x, start, top], [x, end, top]), ([x, 0.1, 0], [x, 4.2, 0])],
+        "z-line": [([x, start, 0], [x, start, top]), ([x, end, 0], [x, end, top]), ([left, y, sill], [left, y, head])],
+    }
+    ends["z-line"].append(([x, y, 0], [x, y, z - 0.8]))
+    along = np.linspace(0.0, 1.0, 4)[:, None]
+    return [
+        (name, np.array(low) + along * (np.array(high) - np.array(low)))
+        for name, pairs in ends.items()
+        for low, high in pairs
+    ]
+
+
+def _seen(directions: FloatArray, position: FloatArray) -> FloatArray:
+    """Radiance from directions, shape (height, width, 3), at a position."""
     with np.errstate(divide="ignore"):
         to_low, to_high = (LOW - position) / directions, (HIGH - position) / directions
     distance = np.where(directions > 0, to_high, to_low)
@@ -50,7 +106,7 @@ def radiance(width: int, position: FloatArray = POSITION, rotation: FloatArray =
     colour = np.empty(points.shape)
     colour[level] = _floor_and_ceiling(points[level])
     colour[~level] = _walls(points[~level], axis[~level])
-    return colour.reshape(width // 2, 2, width, 2, 3).mean(axis=(1, 3)).astype(np.float32)
+    return colour
 
 
 def _floor_and_ceiling(points: FloatArray) -> FloatArray:
@@ -111,8 +167,15 @@ def main() -> None:
     """Write the panorama and say what can be clicked in it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, default=Path("room.exr"), help="panorama to write (.exr or .hdr)")
+    parser.add_argument("--photo", type=Path, help="write the ordinary photograph instead (.png)")
     parser.add_argument("--width", type=int, default=2048, help="its width in pixels")
     options = parser.parse_args()
+    if options.photo is not None:
+        write_png(options.photo, photo())
+        print(f"position {PHOTO_POSITION}, fov {PHOTO.fov}, distortion {PHOTO.distortion}")
+        for name, points in photo_lines():
+            print(f'--{name} "{" ".join(f"{x:.0f},{y:.0f}" for x, y in photo_pixels(points))}"')
+        return
     write_radiance(options.output, radiance(options.width))
 
     def clicks(points: list[list[float]] | FloatArray) -> str:

@@ -24,6 +24,24 @@ def _interpreters() -> list[Path]:
     return [path for path in sorted(ROOT.glob(".venv-bpy*/bin/python")) if path.is_file()]
 
 
+NEWEST = {"test_window", "test_seen_by_cycles", "test_sample_models", "test_mesh_exporters", "test_calibrating"}
+"""Modules of slow tests to which Blender's version makes no difference: they run in the newest that is there."""
+
+
+def pytest_collection_modifyitems(config, items):
+    """Leave out what other versions of Blender would only repeat."""
+    newest = max(_interpreters(), default=None)
+    repeated = [
+        item
+        for item in items
+        if item.path.stem in NEWEST
+        and "blender" in getattr(item, "callspec", item).__dict__.get("params", {})
+        and item.callspec.params["blender"] != newest
+    ]
+    config.hook.pytest_deselected(items=repeated)
+    items[:] = [item for item in items if item not in repeated]
+
+
 class Blender:
     """One version of Blender, with the extension installed from its zip."""
 

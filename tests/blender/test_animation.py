@@ -35,6 +35,13 @@ def test_one_process_renders_the_pictures_of_several(made):
         _assert_equal(folder / f"kept{number:04}.exr", folder / f"apart{number:04}.exr")
 
 
+def test_meshes_that_only_move_are_written_once(made):
+    _, kept, _ = made
+    first, second = kept["files"]
+    assert {name.partition(".")[2] for name in first} == {"glb", "ply"}
+    assert first == second  # the same files, by name and by their place on the disk
+
+
 def test_a_process_that_was_killed_between_two_pictures_is_replaced(made):
     folder, kept, _ = made
     assert kept["after kill"] != kept["pids"][-1]

@@ -1,8 +1,11 @@
 """What Blender makes of the engine's pictures, and that none is written where something failed."""
 
+import json
+
 import numpy as np
 import pytest
 
+from lightdepth.film.cryptomatte import matte_id
 from lightdepth.images.exr import read_exr
 
 
@@ -39,6 +42,28 @@ def test_pass_indices_are_blenders(made):
     np.testing.assert_array_equal(index == 7.0, number == 1.0)
 
 
+def test_mattes_are_of_blenders_objects(made):
+    folder, found = made
+    channels = _channels(folder / "passes.exr")
+    header = {key: value for part in read_exr(folder / "passes.exr") for key, value in part.header.items()}
+    for layer, name in (("CryptoObject", found["ball"]), ("CryptoAsset", "Toys")):
+        manifests = [
+            header[key[:-4] + "manifest"] for key, value in header.items() if str(value) == f"ViewLayer.{layer}"
+        ]
+        assert [json.loads(manifest) for manifest in manifests] == [{name: f"{matte_id(name):08x}"}]
+        share = np.zeros_like(channels["Coverage.Y"])
+        for index in range(2):
+            for number, part in ("RG", "BA"):
+                ids = channels[f"{layer}{index:02}.{number}"].view(np.uint32)
+                assert set(np.unique(ids)) <= {0, matte_id(name)}
+                share += np.where(ids == matte_id(name), channels[f"{layer}{index:02}.{part}"], 0.0)
+        # The mattes have more samples than the picture.
+        coverage = channels["Coverage.Y"]
+        assert share.sum() == pytest.approx(coverage.sum(), rel=0.05)
+        np.testing.assert_allclose(share, coverage, atol=0.6)
+        assert share.max() == 1.0
+
+
 def test_a_transparent_film_lies_over_the_photograph(made):
     folder, _ = made
     channels = _channels(folder / "passes.exr")
@@ -62,6 +87,27 @@ def test_a_region_is_that_part_of_the_picture(made):
         expected = _picture(_channels(folder / f"{whole}.exr"), "Plate")[rows, columns]
         found = _picture(_channels(folder / f"{part}.exr"), "Plate")
         np.testing.assert_allclose(found, expected, rtol=2e-3, err_msg=part)
+
+
+def test_both_eyes_of_a_lens_are_cameras_beside_each_other(made):
+    folder, _ = made
+    left, right, alone = (_channels(folder / f"{name}.exr") for name in ("stereo_L", "stereo_R", "left eye"))
+    for name in ("Combined", "Plate", "Depth"):
+        letters = "Z" if name == "Depth" else "RGB"
+        expected = _picture(alone, name, letters)
+        np.testing.assert_allclose(_picture(left, name, letters), expected, rtol=1e-4, atol=1e-4, err_msg=name)
+        assert np.abs(_picture(right, name, letters) - expected).max() > 0.05
+
+
+def test_spherical_stereo_has_an_eye_at_each_end_of_a_turning_line(made):
+    folder, _ = made
+    middle = slice(19, 21)  # where the left eye is on the camera's left
+    eyes = {name: _picture(_channels(folder / f"ods_{name[0]}.exr"), "Plate")[:, middle] for name in ("Left", "Right")}
+    alone = {name: _picture(_channels(folder / f"ods {name.lower()}.exr"), "Plate")[:, middle] for name in eyes}
+    apart = np.abs(alone["Left"] - alone["Right"]).mean()
+    assert apart > 0.01
+    for name, picture in eyes.items():  # of two samples a pixel of nine degrees
+        assert np.abs(picture - alone[name]).mean() < 0.2 * apart
 
 
 def test_each_view_layer_has_its_own_objects(made):

@@ -230,3 +230,51 @@ def test_another_version_is_known_before_it_is_used(worker, tmp_path, program, m
     with pytest.raises(worker.RendererError, match=message):
         list(worker.render(str(stranger), {"scene": "room.toml"}, lambda: False, [].append))
     assert Path(f"{stranger}.asked").read_text() == ""
+
+
+def test_a_folder_by_content_writes_once_and_forgets_what_is_not_used(tmp_path):
+    meshfolder = _load("meshfolder")
+    folder = meshfolder.MeshFolder(tmp_path / "meshes", by_content=True)
+    folder.begin()
+    once, again = folder.write("Ball", ".glb", b"ball"), folder.write("Other ball", ".glb", b"ball")
+    image = folder.write("", ".png", b"image")
+    assert once == again
+    folder.keep(b"key", meshfolder.Made((once, image), ("a note",)))
+    inode = (folder.path / once).stat().st_ino
+    for _ in range(2 * meshfolder.KEPT):
+        folder.begin()
+        assert folder.found(b"key").notes == ("a note",)
+        folder.write("Ball", ".glb", b"ball")
+    assert (folder.path / once).stat().st_ino == inode
+    (folder.path / image).unlink()  # by whoever tidies temporary files
+    assert folder.found(b"key") is None
+    for _ in range(meshfolder.KEPT):
+        assert (folder.path / once).is_file()
+        folder.begin()
+    folder.begin()
+    assert list(folder.path.iterdir()) == []
+    assert folder.found(b"key") is None
+    assert folder.write("Ball", ".glb", b"ball") == once
+    assert (folder.path / once).read_bytes() == b"ball"
+
+
+def test_a_folder_for_people_has_the_objects_names(tmp_path):
+    folder = _load("meshfolder").MeshFolder(tmp_path)
+    folder.begin()
+    contents = {"Tür 1/2": b"a", "tür 1/2": b"b", "x" * 250: b"c", "": b"d"}
+    names = [folder.write(name, ".glb", data) for name, data in contents.items()]
+    assert len({name.lower() for name in names}) == 4
+    assert names[0] == "T_r_1_2.glb"
+    assert max(map(len, names)) < 80
+    assert [(tmp_path / name).read_bytes() for name in names] == list(contents.values())
+    assert folder.write("again", ".glb", b"a") == names[0]
+
+
+def test_digests_follow_arrays_contents():
+    digest_of = _load("meshfolder").digest_of
+    values = np.arange(1000.0).reshape(100, 10)
+    same, other = values.copy(), values.copy()
+    other[50, 5] += 1e-9
+    assert digest_of(values, "a") == digest_of(same, "a")
+    assert digest_of(values[:, ::2]) == digest_of(same[:, ::2])
+    assert len({digest_of(values, "a"), digest_of(other, "a"), digest_of(values, "b"), digest_of(values.T, "a")}) == 4

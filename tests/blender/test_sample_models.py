@@ -24,6 +24,11 @@ MODELS = [
     *(f"glTF-Asset-Generator/Mesh_PrimitiveMode/Mesh_PrimitiveMode_{n:02}.gltf" for n in (4, 5, 6, 11, 12, 13, 14, 15)),
 ]  # fmt: skip
 
+UNCOMPRESSED = {"draco/2CylinderEngine.gltf": "2CylinderEngine-glTF-Binary/2CylinderEngine.glb"}
+"""The same model without Draco, whose library the module of Blender 5.3 lacks."""
+QUANTISATION = 1e-4
+"""What Draco's 14 bits for a coordinate may change."""
+
 
 def at_rest(folder, name):
     """The file, or a copy without its animations, whose first frame Blender would show."""
@@ -39,12 +44,15 @@ def at_rest(folder, name):
 def test_bounds_and_areas_are_blenders(blender, tmp_path):
     if not FOLDER.is_dir():
         pytest.skip(f"no sample models in {FOLDER}: Debian's package assimp-testmodels, or LIGHTDEPTH_GLTF_MODELS")
-    paths = [at_rest(tmp_path, name) for name in MODELS if (FOLDER / name).is_file()]
+    paths = {name: at_rest(tmp_path, name) for name in MODELS if (FOLDER / name).is_file()}
     assert len(paths) > 10
-    found = blender.run("importing", *paths)["models"]
+    found = blender.run("importing", *paths.values())["models"]
     wrong = []
-    for path in paths:
-        expected = found[str(path)]
+    for name, path in paths.items():
+        expected, limit = found[str(path)], 1e-5
+        if name in UNCOMPRESSED and "draco_bridge" in expected.get("refused", ""):
+            expected, limit = found[str(paths[UNCOMPRESSED[name]])], QUANTISATION
+        assert "refused" not in expected, f"{path}: {expected}"
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", InputWarning)
             parts = read_mesh_file(path, with_materials=True)
@@ -52,6 +60,6 @@ def test_bounds_and_areas_are_blenders(blender, tmp_path):
         area = sum(face_areas(part.mesh.vertices, part.mesh.faces).sum() for part in parts)
         bounds, wanted = np.array([vertices.min(0), vertices.max(0)]), np.array([expected["low"], expected["high"]])
         off = np.abs(bounds - wanted).max() / np.ptp(wanted, axis=0).max()
-        if off > 1e-5 or area != pytest.approx(expected["area"], rel=1e-4):
+        if off > limit or area != pytest.approx(expected["area"], rel=1e-4):
             wrong.append(f"{path}: {bounds.tolist()}, area {area}; in Blender {expected}")
     assert not wrong, "\n".join(wrong)

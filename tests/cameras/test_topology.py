@@ -1,5 +1,8 @@
 """Which pixel lies beyond an edge: the one whose ray continues the picture there."""
 
+import shutil
+import subprocess
+
 import numpy as np
 import pytest
 
@@ -9,7 +12,18 @@ start("cpu")
 
 import mitsuba as mi  # noqa: E402
 
-from lightdepth.cameras import Cubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective  # noqa: E402
+from lightdepth.cameras import (  # noqa: E402
+    VR180,
+    Cubemap,
+    DomeMaster,
+    DomeStereo,
+    EquiAngularCubemap,
+    Equirectangular,
+    Fisheye,
+    OmnidirectionalStereo,
+    Perspective,
+    StereoPerspective,
+)
 from lightdepth.cameras.topology import Rectangle  # noqa: E402
 from lightdepth.directions import pixel_directions  # noqa: E402
 
@@ -68,9 +82,17 @@ def test_the_views_of_two_eyes_are_panoramas_each_by_itself(layout):
         np.testing.assert_allclose(camera.topology.window(chart, chart, 3).cut(image), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("layout", ["strip", "3x2"])
-def test_faces_of_a_cube_go_on_as_their_neighbours(layout):
-    camera = Cubemap(type="cubemap", width=96 if layout == "3x2" else 192, layout=layout)
+@pytest.mark.parametrize(
+    ("camera", "least", "most"),
+    [
+        (Cubemap(type="cubemap", width=192, layout="strip"), 0.3, 1.0),
+        (Cubemap(type="cubemap", width=96), 0.3, 1.0),
+        # From the middle of a face to its corners, pixels shrink by a third.
+        (EquiAngularCubemap(type="eac", width=96), 0.5, 0.25 * np.pi),
+    ],
+    ids=["strip", "3x2", "eac"],
+)
+def test_faces_of_a_cube_go_on_as_their_neighbours(camera, least, most):
     image, size, margin = directions_of(camera), 32, 12
     number = np.arange(image[..., 0].size).reshape(image.shape[:2])
     for chart in camera.topology.charts:
@@ -81,8 +103,8 @@ def test_faces_of_a_cube_go_on_as_their_neighbours(layout):
             strip = over_edge[:, margin:-margin]
             # From pixel to pixel, over the edges as well, no direction is farther than in the middle of a face.
             step = np.linalg.norm(np.diff(strip, axis=0), axis=-1)
-            assert step.max() < 1.001 * 2 / size
-            assert step.min() > 0.3 * 2 / size
+            assert step.max() < 1.001 * most * 2 / size
+            assert step.min() > least * 2 / size
             assert len(np.unique(which[:, margin:-margin])) == strip[..., 0].size
         # Beyond the corners are pixels of the two neighbours there, far less than a face away.
         corner = np.sum(found[:margin, :margin] * image[chart.slices][0, 0], axis=-1)
@@ -108,3 +130,66 @@ def test_a_cubes_faces_lie_as_ffmpeg_has_them():
     assert (image[9, 20:30, 1] > 0.4).all()
     assert (image[10, 0:10, 1] > 0.4).all()
     assert (image[15, 10:20, 0] > 0).tolist() == [False] * 5 + [True] * 5
+
+
+@pytest.mark.parametrize(
+    ("camera", "single"),
+    [
+        (VR180(type="vr180", width=40), None),
+        (DomeStereo(type="dome_stereo", width=20, layout="top-bottom"), DomeMaster(type="dome_master", width=20)),
+        (
+            StereoPerspective(type="stereo_perspective", width=40, height=16),
+            Perspective(type="perspective", width=20, height=16),
+        ),
+    ],
+    ids=["vr180", "dome", "view"],
+)
+def test_the_pictures_of_two_eyes_end_where_the_other_begins(camera, single):
+    image, topology = directions_of(camera), camera.topology
+    assert topology.views == ("left", "right")
+    for chart in topology.charts:
+        found = topology.window(chart, chart, 3).cut(image)
+        np.testing.assert_array_equal(found, image[chart.slices])
+        if single is not None:  # Both eyes look in parallel.
+            np.testing.assert_allclose(found, directions_of(single), atol=1e-6)
+
+
+def test_faces_are_named_in_the_order_of_the_film():
+    camera = Cubemap(type="cubemap", width=6, layout="separate")
+    image = directions_of(camera)
+    wanted = {"right": (1, 0, 0), "left": (-1, 0, 0), "up": (0, 0, 1), "down": (0, 0, -1)}
+    wanted |= {"front": (0, 1, 0), "back": (0, -1, 0)}
+    assert dict(zip(camera.topology.parts, camera.topology.charts, strict=True)).keys() == wanted.keys()
+    for name, chart in zip(camera.topology.parts, camera.topology.charts, strict=True):
+        assert chart.width == chart.height == 6
+        np.testing.assert_allclose(_normal(image[chart.slices]), wanted[name], atol=1e-6)
+
+
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is the referee")
+@pytest.mark.parametrize(
+    ("camera", "projection"),
+    [
+        (Cubemap(type="cubemap", width=48), "c3x2"),
+        (Cubemap(type="cubemap", width=96, layout="strip"), "c6x1"),
+        (EquiAngularCubemap(type="eac", width=48), "eac"),
+    ],
+    ids=["3x2", "strip", "eac"],
+)
+def test_cubes_are_those_of_ffmpeg(tmp_path, camera, projection):
+    """The filter v360 turns a panorama of directions into each layout.
+
+    FFmpeg repeats 2 pixels along the edges of ``eac``, whatever its size: hence the large picture, of which the middle of
+    32 by 32 pixels is compared.
+    """
+    width, height, finer = 384, 192, 32
+    colours = np.round((pixel_directions(height, width) * 0.5 + 0.5) * 65535).astype(np.uint16)
+    (tmp_path / "in").write_bytes(np.moveaxis(colours[..., [1, 2, 0]], -1, 0).tobytes())  # Planes G, B, R.
+    command = ["ffmpeg", "-v", "error", "-f", "rawvideo", "-pix_fmt", "gbrp16le", "-s", f"{width}x{height}"]
+    options = "w={}:h={}".format(*(finer * size for size in camera.resolution))
+    command += ["-i", "in", "-vf", f"v360=e:{projection}:{options}", "-f", "rawvideo", "-pix_fmt", "gbrp16le", "out"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    image = directions_of(camera)
+    rows, columns = image.shape[:2]
+    planes = np.fromfile(tmp_path / "out", np.uint16).reshape(3, rows, finer, columns, finer)[:, :, 16, :, 16]
+    found = np.moveaxis(planes, 0, -1)[..., [2, 0, 1]] / 65535 * 2 - 1
+    np.testing.assert_allclose(found, image, atol=0.02)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lightdepth.cameras import Equirectangular, Fisheye, Perspective
+from lightdepth.cameras import VR180, EquiAngularCubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective
 from lightdepth.checks.cameras import camera_problems, pixels_per_degree
 from lightdepth.checks.inspection import find_problems
 from lightdepth.checks.problem import Severity
@@ -75,6 +75,12 @@ def test_pixels_per_degree_of_every_camera():
     assert pixels_per_degree(posed(Fisheye(type="fisheye", width=540, fov=180))) == pytest.approx(3.0)
     narrow = Perspective(type="perspective", width=100, height=50, fov=1.0)
     assert pixels_per_degree(posed(narrow)) == pytest.approx(100.0, rel=1e-4)
+    for made, wanted in (
+        (OmnidirectionalStereo(type="ods", width=720, layout="side-by-side"), 1.0),
+        (VR180(type="vr180", width=720), 2.0),
+        (EquiAngularCubemap(type="eac", width=810), 3.0),
+    ):
+        assert pixels_per_degree(posed(made)) == pytest.approx(wanted, rel=1e-4)
 
 
 def test_a_camera_far_from_the_capture_point_is_reported():

@@ -46,6 +46,8 @@ POINTS = ["--position", "0,0,1", "-o", "meshes"]
         ("laspy", "points", ["reconstruct", "from-points", "scan.las", *POINTS]),
         ("pye57", "points", ["reconstruct", "from-points", "scan.e57", *POINTS]),
         ("pymeshlab", "points", ["reconstruct", "from-points", "scan.las", *POINTS]),
+        ("av", "video", ["deliver", "a.####.exr", "--as", "360", "-o", "x.mp4"]),
+        ("PyOpenColorIO", "colour", ["deliver", "a.exr", "--as", "stills", "-o", "x.png", "--ocio", "ocio://default"]),
         ("mitsuba_oidn", "denoise", ["render", "scene.toml", "--denoise", "-o", "x.exr"]),
     ],
 )

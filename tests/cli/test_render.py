@@ -8,12 +8,15 @@ import subprocess
 import sys
 import threading
 from importlib.metadata import version
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from lightdepth.film.layers import read_frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
+from lightdepth.images.ocio import OcioView
 from lightdepth.images.tonemapping import AVERAGE_LUMINANCE
 
 from .room_folder import edit, make_room
@@ -120,7 +123,10 @@ def test_the_file_has_all_layers_and_says_how_it_was_made(first):
 
 def test_a_draft_is_one_sample_of_the_same_picture(first, scene, tmp_path):
     full = read_frame(first[0])
-    status, _, errors = render(scene, "-o", tmp_path / "draft.exr", "--repair", "--progress", "none", "--draft")
+    options = ["--draft", "--exr", "single"]
+    if colour := find_spec("PyOpenColorIO") is not None:
+        options += ["--ocio", "ocio://default", "--exposure", 1]
+    status, _, errors = render(scene, "-o", tmp_path / "draft.exr", "--repair", "--progress", "none", *options)
     assert (status, "Traceback" in errors) == (0, False)
     (beauty,) = read_exr(tmp_path / "draft.exr", interleaved=True)
     assert float(beauty.header["lightdepth:samples"]) == 1.0
@@ -128,6 +134,10 @@ def test_a_draft_is_one_sample_of_the_same_picture(first, scene, tmp_path):
     untouched = (full.change == 0).all(axis=-1) & (full.coverage == 0)
     np.testing.assert_array_equal(picture[untouched], full.plate[untouched])
     assert picture.mean() == pytest.approx(full.beauty.mean(), rel=0.1)
+    if colour:
+        with Image.open(tmp_path / "draft.png") as image:
+            shown = OcioView("ocio://default")(picture, float(beauty.header["lightdepth:exposure"]) + 1.0)
+            np.testing.assert_allclose(np.asarray(image) / 255.0, shown, atol=1.1 / 255)
 
 
 def test_another_process_with_the_same_seed_makes_the_same_picture(first, scene, tmp_path):
@@ -156,7 +166,8 @@ def test_ctrl_c_writes_what_there_is(scene, tmp_path):
     assert process.returncode == 130
     done = json.loads(output.splitlines()[-1])
     assert done.pop("exposure") == pytest.approx(-1.0)
-    assert done == {"event": "done", "file": str(target), "interrupted": True}
+    assert done.pop("error") > 0.0
+    assert done == {"event": "done", "file": str(target), "interrupted": True, "denoised": False}
     assert "Traceback" not in errors
     frame = read_frame(target)
     assert 0 < float(frame.metadata["samples"]) < 10_000_000

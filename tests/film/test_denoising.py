@@ -1,5 +1,6 @@
 """Denoising: less error on the new layers, nothing else touched, no seams."""
 
+import copy
 import sys
 from dataclasses import replace
 
@@ -13,7 +14,7 @@ start("cpu")
 
 import mitsuba as mi  # noqa: E402
 
-from lightdepth.cameras import Cubemap, OmnidirectionalStereo  # noqa: E402
+from lightdepth.cameras import VR180, Cubemap, DomeStereo, EquiAngularCubemap, OmnidirectionalStereo  # noqa: E402
 from lightdepth.cameras.topology import Flat, Rectangle, Spherical  # noqa: E402
 from lightdepth.directions import pixel_directions  # noqa: E402
 from lightdepth.errors import SetupError  # noqa: E402
@@ -212,8 +213,12 @@ def steps(image, topology):
 
 @pytest.mark.parametrize(
     "camera",
-    [Cubemap(type="cubemap", width=384), OmnidirectionalStereo(type="ods", width=256)],
-    ids=["cubemap", "stereo"],
+    [
+        Cubemap(type="cubemap", width=384),
+        EquiAngularCubemap(type="eac", width=384),
+        OmnidirectionalStereo(type="ods", width=256),
+    ],
+    ids=["cubemap", "eac", "stereo"],
 )
 def test_charts_meet_without_a_seam(denoised, camera):
     """Across the edges of charts a twentieth of the noise is left at most; without topology, far more."""
@@ -231,6 +236,23 @@ def test_charts_meet_without_a_seam(denoised, camera):
     assert left(denoise(noisy)) < 0.05 * left(noisy)
     height, width = noisy.coverage.shape
     assert left(denoise(replace(noisy, topology=Flat(width, height)))) > 0.1 * left(noisy)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [VR180(type="vr180", width=256), DomeStereo(type="dome_stereo", width=128, fov=220)],
+    ids=["vr180", "dome"],
+)
+def test_each_eye_is_denoised_by_itself(denoised, camera):
+    """The picture of an eye does not depend on where what the other sees is, but both have the same scale."""
+    noisy = place_seen(directions_of(camera), camera.topology)
+    left, right = camera.topology.charts
+    other = copy.deepcopy(noisy)
+    for layer in (other.plate, other.change, other.synthetic, other.coverage):
+        layer[right.slices] = np.roll(layer[right.slices], right.height // 2, axis=0)
+    found, beside = (denoise(frame).change[left.slices] for frame in (noisy, other))
+    assert rms(found - noisy.change[left.slices]) > 0.01
+    np.testing.assert_array_equal(found, beside)
 
 
 def test_precise_pixels_are_left_as_they_are(denoised):

@@ -14,6 +14,7 @@ from lightdepth.errors import InputError
 from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.images.png import write_png
 from lightdepth.images.radiance import write_radiance
+from lightdepth.images.raster import write_raster
 from lightdepth.images.writing import check_writable
 
 NOISE = np.random.default_rng(4).random((128, 256, 3), dtype=np.float32)
@@ -21,6 +22,8 @@ WRITE = {
     "x.exr": lambda path: write_exr(path, [ExrPart({"RGB": NOISE}, "a"), ExrPart({"RGB": NOISE}, "b")]),
     "x.hdr": lambda path: write_radiance(path, NOISE),
     "x.png": lambda path: write_png(path, (NOISE * 255).astype(np.uint8)),
+    "deep.png": lambda path: write_raster(path, (NOISE * 65535).astype(np.uint16)),
+    "deep.tif": lambda path: write_raster(path, (NOISE * 65535).astype(np.uint16)),
 }
 
 

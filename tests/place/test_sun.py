@@ -21,7 +21,20 @@ from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
 from lightdepth.recovery.irradiance import estimate_irradiance  # noqa: E402
 from lightdepth.scene.lights.frame import azimuth_and_elevation, sun_axes, sun_direction  # noqa: E402
 from lightdepth.scene.materials import Diffuse  # noqa: E402
-from lightdepth.scene.model import CameraView, Mesh, Panorama, RealSurface, RenderSettings, Role, Scene, SunLight  # noqa: E402
+from lightdepth.scene.model import (  # noqa: E402
+    AnalyticShape,
+    CameraView,
+    Mesh,
+    Panorama,
+    RealSurface,
+    RenderSettings,
+    Role,
+    Scene,
+    SunLight,
+    SyntheticObject,
+    SyntheticPart,
+)
+from tests.chance import mean_and_limit  # noqa: E402
 from tests.transport.places import GREY, ball  # noqa: E402
 
 HALF, HEIGHT = 2.0, 2.5
@@ -135,11 +148,12 @@ def test_a_mask_holds_back_its_share():
     assert found[1].max() < 1e-3 * found[0].min()
 
 
-def test_what_the_list_and_rays_say_of_the_sun_agrees():
+def test_what_samples_and_rays_say_of_the_sun_agrees():
     place = place_of(black_room())
     point = mi.Point3f(*IN_PATCH[0].tolist())
     lights = place.presample_lights(np.random.default_rng(4), 4096)
-    light = lights.sample((dr.arange(mi.Float, 4096) + 0.5) / 4096, mi.Bool(True))
+    u = (dr.arange(mi.Float, 4096) + 0.5) / 4096
+    light = place.sample_light(lights, u, dr.fma(u, 7.0, 0.3) - dr.floor(dr.fma(u, 7.0, 0.3)), place.shares)
     is_sun = light.is_sun.numpy()
     assert is_sun.sum() == 512
     direction, _, pdf = place.toward(light, point)
@@ -148,7 +162,7 @@ def test_what_the_list_and_rays_say_of_the_sun_agrees():
     _, (radiance, looked_up, _) = place.arriving(ray, hit, hit.distance, mi.Bool(True))
     found = looked_up.numpy()[is_sun]
     assert (found > 0.0).mean() > 0.99  # A direction at the rim may be rounded out of the disc.
-    np.testing.assert_allclose(found[found > 0.0], pdf.numpy()[is_sun][found > 0.0], rtol=1e-5)
+    np.testing.assert_allclose(0.125 * found[found > 0.0], pdf.numpy()[is_sun][found > 0.0], rtol=1e-5)
     met, drawn = (value.numpy()[:, is_sun][:, found > 0.0] for value in (radiance, light.radiance))
     np.testing.assert_allclose(met, drawn)
     # Uniform over the disc: the mean of 1 / density is its solid angle, over the share of the list.
@@ -174,6 +188,65 @@ def test_an_object_in_the_patch_is_lit_and_takes_the_sun_from_the_floor():
     assert (dark < -0.97).sum() > 20
     without = begin_rendering(replace(scene, lights=()), "view", seed=1).complete(16)
     assert without.synthetic[on_ball][sunny].mean() < 0.3 * frame.synthetic[on_ball][sunny].mean()
+
+
+def test_beside_an_even_sky_the_sun_is_blocked_without_noise():
+    """A black disc over a floor: the light that it takes has a closed form, for the sun and for the sky."""
+    radius, height, sky = 0.5, 0.6, 2.0
+    centre, direct = np.array([0.6, 0.0, height]), 4.0 * np.pi * sky
+    direction = np.array([-1.0, 0.0, 2.0]) / np.sqrt(5.0)
+    sun = SunLight("sun", direction, 0.53, np.full(3, direct / direction[2]))
+    albedo, before = 0.05, direct + np.pi * sky  # Darker than the sky, which light samples are then of as well.
+    down = pixel_directions(64, 128)[..., 2:] < 0.0
+    image = np.where(down, albedo / np.pi * before, sky).astype(np.float32) * np.ones(3, np.float32)
+    # It hides the sun from the capture point, and looks like the sky that it hides.
+    capture = np.array([-3.0, 0.0, 2.0])
+    at = capture + direction
+    hidden = quad(
+        *(at + np.array(corner) for corner in ([-0.1, -0.1, 0], [0.1, -0.1, 0], [0.1, 0.1, 0], [-0.1, 0.1, 0]))
+    )
+    floor = quad([-20, -20, 0], [20, -20, 0], [20, 20, 0], [-20, 20, 0])
+    to_world = np.diag([radius, radius, 1.0, 1.0])
+    to_world[:3, 3] = centre
+    black = Diffuse(type="diffuse", color=(0.0, 0.0, 0.0))
+    from lightdepth.cameras import Perspective
+    from lightdepth.directions import look_at_rotation
+
+    where = np.array([1.5, 0.0, 4.0])
+    camera = Perspective(type="perspective", width=48, height=32, fov=30)
+    scene = Scene(
+        Panorama(image, capture, np.eye(3), sky=True),
+        (RealSurface("floor", floor, Role.SUPPORT), RealSurface("shade", hidden, Role.ENVIRONMENT)),
+        (SyntheticObject("disc", (SyntheticPart(AnalyticShape("disk", to_world), black),)),),
+        {"view": CameraView(camera, where, look_at_rotation(where, (1.5, 1e-3, 0.0)))},
+        RenderSettings(irradiance_samples=1024, max_bounces=1),
+        lights=(sun,),
+    )
+    samples, repeats = 16, 8
+    frames = [begin_rendering(scene, "view", seed=seed).complete(samples) for seed in range(repeats)]
+    share = np.array([frame.change.mean(axis=-1) / frame.plate.mean(axis=-1) for frame in frames])
+    row, column = np.mgrid[:32, :48] + 0.5
+    across = 2.0 * where[2] * np.tan(np.radians(15.0)) / 48
+    point = where[:2] + across * np.stack([column - 24.0, 16.0 - row], axis=-1)
+    # Of a parallel disc, as seen from a point of the floor (Howell's catalogue of view factors).
+    away = np.linalg.norm(point - centre[:2], axis=-1)
+    z = away**2 + height**2 + radius**2
+    sky_share = 0.5 * (1.0 - (z - 2.0 * radius**2) / np.sqrt(z**2 - 4.0 * (radius * away) ** 2))
+    shadow = np.linalg.norm(point - (centre[:2] - height / direction[2] * direction[:2]), axis=-1)
+    plain = frames[0].coverage == 0.0
+    for region, blocked in ((shadow < radius - 0.06, 1.0), ((shadow > radius + 0.06) & (away < 1.2), 0.0)):
+        inside = region & plain
+        assert inside.sum() > 100
+        taken = -share[:, inside]
+        light = blocked * direct + np.pi * sky * sky_share[inside]
+        ratio = taken.sum(axis=1) / (light / before).sum()
+        mean, limit = mean_and_limit(ratio)
+        assert abs(mean - 1.0) < limit + 0.005, f"{mean} {limit}"
+        # One shadow ray for sun and sky together, where only the disc's bounding sphere is known.
+        cone = np.minimum(radius**2 * height / (away[inside] ** 2 + height**2) ** 1.5, 1.0)
+        most = direct + np.pi * sky * np.maximum(cone, sky_share[inside])
+        one_draw = light * (most - light) / before**2 / samples
+        assert taken.var(axis=0, ddof=1).mean() < 0.25 * one_draw.mean()
 
 
 def test_angles_and_directions():

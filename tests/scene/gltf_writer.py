@@ -68,6 +68,40 @@ def gltf_document(attributes=QUAD, faces=QUAD_FACES, material=None, images=(), n
     }
 
 
+def add_accessor(document, values, kind):
+    """Adds numbers to a document, in a buffer of their own; the number of their accessor."""
+    array = np.ascontiguousarray(values)
+    component = {"f": 5126, "h": 5122, "B": 5121}[array.dtype.char]
+    document["buffers"].append({"byteLength": array.nbytes, "uri": data_uri(array.tobytes())})
+    document["bufferViews"].append({"buffer": len(document["buffers"]) - 1, "byteLength": array.nbytes})
+    count = array.size // {"SCALAR": 1, "VEC3": 3, "VEC4": 4, "MAT4": 16}[kind]
+    entry = {"bufferView": len(document["bufferViews"]) - 1, "componentType": component, "count": count, "type": kind}
+    if component != 5126:
+        entry["normalized"] = True
+    document["accessors"].append(entry)
+    return len(document["accessors"]) - 1
+
+
+def add_animation(document, name, *tracks):
+    """Adds an animation; a track is (node, path, interpolation, times, values)."""
+    animation = {"channels": [], "samplers": []}
+    if name:
+        animation["name"] = name
+    for node, path, interpolation, times, values in tracks:
+        values = np.asarray(values)
+        values = values if values.dtype == np.int16 else values.astype(np.float32)
+        kind = {"rotation": "VEC4", "weights": "SCALAR"}.get(path, "VEC3")
+        sampler = {
+            "input": add_accessor(document, np.asarray(times, np.float32), "SCALAR"),
+            "output": add_accessor(document, values, kind),
+            "interpolation": interpolation,
+        }
+        animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
+        animation["samplers"].append(sampler)
+    document.setdefault("animations", []).append(animation)
+    return document
+
+
 def write_glb(path, document):
     """The document as a .glb with its buffer in the binary chunk."""
     uri = document["buffers"][0].pop("uri")

@@ -65,7 +65,7 @@ def test_a_session_reports_its_stages_and_shows_the_picture_of_render(scene, tmp
     session.display(ExrDisplay(tmp_path / "made" / "x.exr", ["depth"]))
     session.display(PngDisplay(tmp_path / "made" / "x.png"))
     done = session.run(Job("view", 8, preview_seconds=0.0))
-    assert replace(done, exposure=None) == Done(str(tmp_path / "made" / "x.exr"))
+    assert replace(done, exposure=None, error=None) == Done(str(tmp_path / "made" / "x.exr"))
     assert done == session.told[-1]
     assert session.stages() == ["preparing", "rendering", "writing"]
     assert session.told[-2] == Picture(done.file, finished=True)
@@ -75,7 +75,7 @@ def test_a_session_reports_its_stages_and_shows_the_picture_of_render(scene, tmp
     assert session.shown.frame.beauty.tobytes() == plain(scene, 8)
     assert sorted(path.name for path in (tmp_path / "made").iterdir()) == ["x.exr", "x.png"]
     assert session.shown.frame.depth is not None  # one of the displays wanted it
-    with pytest.raises(InputError, match="lacks the parts"):
+    with pytest.raises(InputError, match="lacks the layers"):
         read_frame(tmp_path / "made" / "x.exr")
 
 
@@ -105,7 +105,7 @@ def test_a_cancelled_session_shows_what_it_has_and_can_go_on(scene):
     session.until(Progress, 3)
     session.cancel()
     assert session.wait(PATIENCE)
-    assert replace(session.told[-1], exposure=None) == Done(None, interrupted=True)
+    assert replace(session.told[-1], exposure=None, error=None) == Done(None, interrupted=True)
     assert 0 < session.shown.frame.samples.mean() < 64
     session.start(Job("view", 64))
     assert session.wait(PATIENCE)
@@ -150,7 +150,7 @@ def test_it_can_be_cancelled_while_it_prepares(scene):
     assert session.running
     session.cancel()
     assert session.wait(PATIENCE)
-    assert replace(session.told[-1], exposure=None) == Done(None, interrupted=True)
+    assert replace(session.told[-1], exposure=None, error=None) == Done(None, interrupted=True)
     assert session.stages() == ["preparing"]
     assert session.shown.frame is None
 
@@ -176,7 +176,7 @@ def test_what_goes_wrong_in_a_thread_is_reported(scene):
     session = Watched(scene)
     session.start(Job("veiw", 8))
     assert session.wait(PATIENCE)
-    assert session.told[-1] == Failure("scene: no camera 'veiw'; it has pano, dome, view, stereo, cubemap")
+    assert session.told[-1] == Failure(f"scene: no camera 'veiw'; it has {', '.join(scene.cameras)}")
 
 
 @pytest.mark.parametrize(

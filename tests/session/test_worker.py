@@ -88,7 +88,8 @@ def test_a_worker_renders_one_request_after_the_other(folder, client):
         "writing",
     ]
     exposure = told[-1].pop("exposure")
-    assert told[-1] == {"event": "done", "file": first, "interrupted": False, "id": "a"}
+    assert 0.0 < told[-1].pop("error") < 1.0
+    assert told[-1] == {"event": "done", "file": first, "interrupted": False, "denoised": False, "id": "a"}
     assert (folder / "1.png").is_file()
     client.until("progress", name="b")
     client.ask(request="cancel", id="b")
@@ -97,7 +98,8 @@ def test_a_worker_renders_one_request_after_the_other(folder, client):
         float(read_frame(folder / "2.exr").metadata[EXPOSURE]), abs=1e-3
     )  # of the panorama
     assert 0 < read_frame(folder / "2.exr").samples.max() < 100_000_000
-    ended = {"event": "done", "file": None, "interrupted": True, "exposure": None, "id": "c"}
+    ended = {"event": "done", "file": None, "interrupted": True, "denoised": False, "id": "c"}
+    ended |= {"exposure": None, "error": None}
     assert client.until("done", name="c") == [ended]
     assert not (folder / "3.exr").exists()
     # What is wrong with one request is no reason to stop.

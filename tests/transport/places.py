@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.api import begin_rendering
-from lightdepth.cameras import Cubemap, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective
+from lightdepth.cameras import Cubemap, DomeStereo, Equirectangular, Fisheye, OmnidirectionalStereo, Perspective
 from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.film.frame import Frame
 from lightdepth.scene.materials import Diffuse, Material
@@ -65,7 +65,7 @@ def room(
     width: int = 64,
     **settings: object,
 ) -> Scene:
-    """A closed box photographed as ``radiance`` (constant, or an image), with five cameras in two places.
+    """A closed box photographed as ``radiance`` (constant, or an image), with six cameras in two places.
 
     The irradiance of its support is known to 2 % at each vertex unless ``settings`` ask for more.
     """
@@ -81,6 +81,9 @@ def room(
             Perspective(type="perspective", width=48, height=32, fov=80), away, euler_rotation([-15, 0, -15])
         ),
         "stereo": CameraView(STEREO, away, np.eye(3)),
+        "stereo dome": CameraView(
+            DomeStereo(type="dome_stereo", width=24, fov=220, tilt=40, interocular_distance=0.3), away, np.eye(3)
+        ),
         "cubemap": CameraView(Cubemap(type="cubemap", width=48), away, euler_rotation([0.0, 0.0, 35.0])),
     }
     return Scene(

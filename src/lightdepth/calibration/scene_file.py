@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import tomlkit
 
@@ -41,6 +42,41 @@ def write_pose(
     with whole_file(scene) as temporary:
         temporary.write_bytes(document_bytes(document))
     return scene.parent / panorama["image"]
+
+
+def write_camera(scene: Path, name: str, values: Mapping[str, Any]) -> None:
+    """Put a perspective camera into a scene file: into its ``[camera.NAME]`` table, or into a new one.
+
+    Args:
+        scene: the scene file; it is replaced whole or not at all.
+        name: of the camera.
+        values: its keys; ``None`` takes a key away, others of the table stay, except those that say the same.
+
+    Raises:
+        InputError: the file is missing, is not TOML, has a camera of that name of another type, or cannot be written.
+    """
+    document = read_document(scene)
+    cameras = document.get("camera")
+    if cameras is None:
+        cameras = document["camera"] = tomlkit.table(is_super_table=True)
+    if not isinstance(cameras, dict) or not isinstance(cameras.get(name, {}), dict):
+        raise InputError(f"{scene}: 'camera' must hold tables, each under its own [camera.NAME]")
+    if name not in cameras:
+        cameras[name] = tomlkit.table()
+    table = cameras[name]
+    if table.get("type", "perspective") != "perspective":
+        raise InputError(
+            f"{scene}: camera '{name}' is of type '{table['type']}'; choose another --name for the photograph"
+        )
+    for key in ("shift", "look_at"):
+        table.pop(key, None)
+    for key, value in ({"type": "perspective"} | dict(values)).items():
+        if value is None:
+            table.pop(key, None)
+        else:
+            table[key] = value
+    with whole_file(scene) as temporary:
+        temporary.write_bytes(document_bytes(document))
 
 
 def _begun(scene: Path, image: Path) -> tomlkit.TOMLDocument:

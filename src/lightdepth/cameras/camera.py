@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from lightdepth.cameras.topology import Flat, Topology
@@ -87,6 +90,27 @@ class Camera(BaseModel, ABC):
     def solid_angle(self, direction: mi.Vector3f) -> mi.Float:
         """Steradians that rays of one origin fill per unit of film area, around unit directions in camera space."""
 
+    def pixels_per_degree(self) -> float:
+        """Pixels to a degree straight ahead, as far as they are square."""
+        import mitsuba as mi
+
+        angle = self.pixel_angle(mi.Vector3f(0.0, 1.0, 0.0)).numpy()[0]
+        return float(np.radians(1.0 / np.sqrt(angle)))
+
+    def sees(self, points: Sequence[NDArray[np.float32]]) -> NDArray[np.bool_]:
+        """Whether points are in the picture, through the middle of the lens.
+
+        Args:
+            points: their coordinates in camera space, metres, three arrays of shape (n,), aligned.
+
+        Returns:
+            Shape (n,).
+        """
+        import mitsuba as mi
+
+        inside = self.film_point(mi.Point3f(*map(mi.Float, points)), mi.Point2f(0.5)).inside.numpy()
+        return np.array(np.broadcast_to(inside, len(points[0])))
+
     @property
     def has_aperture(self) -> bool:
         """Whether a lens blurs what is not in focus."""
@@ -101,6 +125,13 @@ class Camera(BaseModel, ABC):
         import drjit as dr
 
         return dr.zeros(type(depth), dr.width(depth))
+
+    def projection_matrix(self) -> NDArray[np.float64] | None:
+        """Of cameras that project by one: camera space (x right, y up, z forward) to the film, shape (4, 4).
+
+        It multiplies row vectors; after division by w, x and y are positions on the film in [0, 1]. ``None`` for others.
+        """
+        return None
 
     def pixel_angle(self, direction: mi.Vector3f) -> mi.Float:
         """Solid angle of the pixels around unit directions in camera space, steradians."""

@@ -76,11 +76,13 @@ class Topology(ABC):
         views: names of the views that the film shows, one after the other; a single one has no name.
         environment_map: the layout of the film as programs know it for environment maps, where it has such a one.
         endless: whether the picture goes on beyond the edges of its charts.
+        parts: names of the charts, where each is to be a file of its own beside the film's.
     """
 
     charts: tuple[Rectangle, ...]
     views: tuple[str, ...] = ("",)
     environment_map: Literal["latlong"] | None = None
+    parts: tuple[str, ...] = ()
     endless: ClassVar[bool]
 
     @abstractmethod
@@ -95,6 +97,10 @@ class Topology(ABC):
         Returns:
             The row and column of each pixel; where the given ones lie in the chart they are returned as they are.
         """
+
+    def alone(self, chart: Rectangle) -> Topology:
+        """That of a chart which is a picture of its own."""
+        return Flat(chart.width, chart.height)
 
     def window(self, chart: Rectangle, rectangle: Rectangle, margin: int | tuple[int, int, int, int]) -> Window:
         """A rectangle of a chart with ``margin`` pixels around it, fewer where the picture ends.
@@ -129,21 +135,36 @@ class Topology(ABC):
         return Window(rectangle, (bottom - top, right - left), (down, across), tuple(margins))
 
 
-class Flat(Topology):
-    """A picture that ends at its edges.
+class Pictures(Topology):
+    """Pictures beside each other that end at their edges.
+
+    Args:
+        charts: the pictures on the film.
+        views: the name of each, where there are several.
+        parts: likewise, if they become files of their own.
+    """
+
+    endless = False
+
+    def __init__(
+        self, charts: tuple[Rectangle, ...], views: tuple[str, ...] = ("",), parts: tuple[str, ...] = ()
+    ) -> None:
+        self.charts, self.views, self.parts = charts, views, parts
+
+    def beyond(self, chart: Rectangle, rows: Indices, columns: Indices) -> tuple[Indices, Indices]:  # noqa: D102
+        return rows, columns
+
+
+class Flat(Pictures):
+    """A single picture that ends at its edges.
 
     Args:
         width: of the film, pixels.
         height: likewise.
     """
 
-    endless = False
-
     def __init__(self, width: int, height: int) -> None:
-        self.charts = (Rectangle(0, height, 0, width),)
-
-    def beyond(self, chart: Rectangle, rows: Indices, columns: Indices) -> tuple[Indices, Indices]:  # noqa: D102
-        return rows, columns
+        super().__init__((Rectangle(0, height, 0, width),))
 
 
 class Spherical(Topology):
@@ -152,13 +173,19 @@ class Spherical(Topology):
     Args:
         charts: the panoramas on the film, all of an even width.
         views: the name of each, where there are several.
+        parts: likewise, if they become files of their own.
     """
 
     endless = True
 
-    def __init__(self, charts: tuple[Rectangle, ...], views: tuple[str, ...] = ("",)) -> None:
-        self.charts, self.views = charts, views
+    def __init__(
+        self, charts: tuple[Rectangle, ...], views: tuple[str, ...] = ("",), parts: tuple[str, ...] = ()
+    ) -> None:
+        self.charts, self.views, self.parts = charts, views, parts
         self.environment_map = "latlong" if len(charts) == 1 else None
+
+    def alone(self, chart: Rectangle) -> Spherical:  # noqa: D102
+        return Spherical((Rectangle(0, chart.height, 0, chart.width),))
 
     def beyond(self, chart: Rectangle, rows: Indices, columns: Indices) -> tuple[Indices, Indices]:  # noqa: D102
         height, width = chart.height, chart.width

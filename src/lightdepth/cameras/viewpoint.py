@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -126,6 +127,21 @@ class Viewpoint:
         seen = self.camera.film_point(target, u)
         angle = self.camera.pixel_angle(dr.normalize(mi.Vector3f(target - seen.origin)))
         return Projection(self._origin + self._to_world @ seen.origin, seen.film, angle, seen.weight, seen.inside)
+
+    def on_film(self, points: Sequence[NDArray[np.float32]]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Where points appear through the middle of the lens, for NumPy code.
+
+        Args:
+            points: their coordinates in world, metres, three arrays of shape (n,), aligned.
+
+        Returns:
+            Film coordinates, shape (n, 2), and whether the points are in the picture, shape (n,).
+        """
+        import mitsuba as mi
+
+        seen, count = self.project(mi.Point3f(*map(mi.Float, points)), mi.Point2f(0.5)), len(points[0])
+        film = np.stack([np.broadcast_to(axis.numpy(), count) for axis in (seen.film.x, seen.film.y)], axis=1)
+        return film.astype(np.float64), np.broadcast_to(seen.inside.numpy(), count).astype(bool)
 
     # Variables of the device: a pose that changes compiles no kernel.
 

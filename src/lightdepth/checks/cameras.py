@@ -7,11 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras import Equirectangular, Fisheye, Perspective
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.sampling import object_mesh, unseen
 from lightdepth.checks.view import CaptureView, enclosure, sphere
+from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.kernel.start import start
 from lightdepth.scene.model import CameraView, Scene
 
 AROUND = 0.75
@@ -22,6 +23,8 @@ MUCH_UNSEEN = 0.15
 """Share of a camera's view that the capture point did not see from which a word is due."""
 FAR = 0.5
 """A camera so far from the capture point, relative to the usual distance of surfaces, shows every error of their model."""
+FAR_POINT = 1000.0
+"""Metres to points that both eyes of a camera see in the same direction."""
 MOSTLY_CLOSED, MUCH_LESS = 2 / 3, 0.75
 """As for objects: where the capture point is in a room, and what is not in the same one."""
 AT_CAPTURE_POINT = 1e-3
@@ -99,14 +102,9 @@ def _softness(view: CameraView, scene: Scene) -> str | None:
 
 
 def pixels_per_degree(view: CameraView) -> float:
-    """Pixels to a degree in the middle of a camera's image."""
-    camera = view.camera
-    width = camera.resolution[0]
-    if isinstance(camera, Perspective):
-        return float(np.radians(width / (2.0 * np.tan(np.radians(0.5 * camera.fov)))))
-    if isinstance(camera, Fisheye):
-        return width / camera.fov
-    return width / 360.0
+    """Pixels to a degree in front of a camera, as far as they are square."""
+    start()
+    return view.camera.pixels_per_degree()
 
 
 def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[CaptureView]) -> str | None:
@@ -134,16 +132,6 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
 
 def _directions(view: CameraView) -> NDArray[np.float64]:
     """Distributed over what a camera sees, unit, world, shape (n, 3)."""
-    camera, everywhere = view.camera, sphere(4000)
-    if isinstance(camera, Equirectangular):
-        return everywhere
-    local = everywhere @ view.rotation
-    if isinstance(camera, Perspective):
-        half = np.tan(np.radians(0.5 * camera.fov))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x, z = local[:, 0] / local[:, 1], local[:, 2] / local[:, 1]
-        seen = (local[:, 1] > 0.0) & (np.abs(x) < half) & (np.abs(z) < half * camera.height / camera.width)
-    else:
-        fov = camera.fov if isinstance(camera, Fisheye) else 360.0
-        seen = local[:, 1] > np.cos(np.radians(min(0.5 * fov, 180.0)))
-    return everywhere[seen]
+    start()
+    everywhere = sphere(4000)
+    return everywhere[view.camera.sees(aligned_columns(FAR_POINT * everywhere @ view.rotation))]

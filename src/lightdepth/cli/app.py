@@ -13,9 +13,11 @@ from rich.console import Console
 
 from lightdepth.cli import capture
 from lightdepth.cli.cache import cache
-from lightdepth.cli.calibrate import calibrate
+from lightdepth.cli.calibrate import app as calibrate
 from lightdepth.cli.check import check
+from lightdepth.cli.deliver import deliver
 from lightdepth.cli.doctor import doctor
+from lightdepth.cli.farm import app as farm
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.merge import merge
 from lightdepth.cli.mirror_ball import mirror_ball
@@ -25,6 +27,7 @@ from lightdepth.cli.reconstruct import app as reconstruct
 from lightdepth.cli.recover import app as recover
 from lightdepth.cli.render import render
 from lightdepth.cli.serve import serve
+from lightdepth.cli.stmap import app as stmap
 from lightdepth.cli.where import where
 from lightdepth.errors import InputWarning, LightdepthError
 
@@ -60,14 +63,17 @@ app.command()(new)
 capture.app.command("mirror-ball")(mirror_ball)
 app.add_typer(capture.app, name="capture")
 app.command()(preview)
-app.command()(calibrate)
+app.add_typer(calibrate, name="calibrate", help="Poses from clicks: of the panorama, or (view) of a photograph.")
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)
 app.command(context_settings={"ignore_unknown_options": True})(where)  # Points may begin with a minus.
 app.command()(check)
+app.add_typer(stmap, name="stmap", help="Lens distortion as ST maps, for compositing programs.")
 app.command()(render)
 app.command()(merge)
+app.add_typer(farm, name="farm", help="Frames of a sequence as a job for a farm.")
+app.command()(deliver)
 app.command()(serve)
 app.command()(cache)
 app.command()(doctor)

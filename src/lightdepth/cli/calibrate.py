@@ -6,6 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
+
+from lightdepth.cli.calibrate_view import view
 
 if TYPE_CHECKING:
     from lightdepth.calibration.room_frame import RoomFrame
@@ -16,6 +19,19 @@ SURE = 0.5
 """Confidence of the automatic directions from which they are written into a scene file."""
 
 
+class _PanoramaByDefault(TyperGroup):
+    """Takes what is not the name of a command for the panorama's."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse, with the default command's name put in where none is given."""
+        return super().parse_args(ctx, args if args and args[0] in self.commands else ["panorama", *args])
+
+
+app = typer.Typer(cls=_PanoramaByDefault)
+app.command("view")(view)
+
+
+@app.command("panorama")
 def calibrate(
     panorama: Annotated[Path, typer.Argument(help="The panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
     rectangle: Annotated[
@@ -115,6 +131,8 @@ def calibrate(
     Without clicks:
 
     lightdepth calibrate lounge.exr --auto --camera-height 1.6 --picture check.png
+
+    The camera of an ordinary photograph: lightdepth calibrate view --help
     """
     import math
     from dataclasses import replace

@@ -23,10 +23,20 @@ def merge(
     exposure: Annotated[
         float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
     ] = 0.0,
+    ocio: Annotated[
+        str | None,
+        typer.Option(help="OpenColorIO configuration for the PNG: a file, or ocio://default; $OCIO by default."),
+    ] = None,
+    display: Annotated[str | None, typer.Option(help="Display of the OpenColorIO configuration.")] = None,
+    view: Annotated[str | None, typer.Option(help="View of the OpenColorIO configuration.")] = None,
     layers: Annotated[
         str,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' or 'none'."),
     ] = "all",
+    exr: Annotated[
+        Literal["multipart", "single"],
+        typer.Option(help="Layers as parts of the EXR file, or all channels in one part."),
+    ] = "multipart",
     repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
     progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is reported.")] = "none",
 ) -> None:
@@ -39,11 +49,12 @@ def merge(
     from lightdepth.api import load_scene
     from lightdepth.film.sums import PixelSums
     from lightdepth.film.sums import merge as merged
+    from lightdepth.images.look import chosen_look
     from lightdepth.session.displays import ExrDisplay, PngDisplay
     from lightdepth.session.session import Job, Session
 
     to_sums = output.suffix.lower() == ".sums"
-    chosen = chosen_layers(layers)
+    chosen, look = chosen_layers(layers), chosen_look(None, ocio, display, view)
     files = [output] if to_sums else [output, output.with_suffix(".png")]
     check_output(output, files, ".sums" if to_sums else ".exr")
     sums = merged([PixelSums.load(part) for part in parts], [str(part) for part in parts])
@@ -62,8 +73,8 @@ def merge(
             loaded = load_scene(scene or origin.path, repair)
             job = Job(origin.camera, None, None, origin.method, origin.seed, origin.draft, denoise, merged=sums)
             session = Session(loaded, device, keep=False)
-            session.display(ExrDisplay(output, chosen))
-            session.display(PngDisplay(files[1], exposure))
+            session.display(ExrDisplay(output, chosen, exr))
+            session.display(PngDisplay(files[1], exposure, look))
             with Reporter(progress, files) as reporter:
                 run(session, job, reporter, interruption)
         except KeyboardInterrupt:

@@ -54,10 +54,20 @@ def render(
     exposure: Annotated[
         float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
     ] = 0.0,
+    ocio: Annotated[
+        str | None,
+        typer.Option(help="OpenColorIO configuration for the PNG: a file, or ocio://default; $OCIO by default."),
+    ] = None,
+    display: Annotated[str | None, typer.Option(help="Display of the OpenColorIO configuration.")] = None,
+    view: Annotated[str | None, typer.Option(help="View of the OpenColorIO configuration.")] = None,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
     ] = None,
+    exr: Annotated[
+        Literal["multipart", "single"],
+        typer.Option(help="Layers as parts of the EXR file, or all channels in one part."),
+    ] = "multipart",
     no_cache: Annotated[
         bool, typer.Option("--no-cache", help="Neither use nor fill the cache of prepared places.")
     ] = False,
@@ -89,6 +99,7 @@ def render(
     from lightdepth.cli.sequence import render_sequence
     from lightdepth.film.checkpoint import checkpoint_beside
     from lightdepth.film.sums import Share
+    from lightdepth.images.look import chosen_look
     from lightdepth.packages import require_package
     from lightdepth.session.displays import ExrDisplay, PngDisplay
     from lightdepth.session.session import CHECKPOINT_SECONDS, Job, Session
@@ -96,6 +107,7 @@ def render(
     if denoise:  # Not first found out when all is rendered.
         require_package("mitsuba_oidn", "denoise")
     chosen = chosen_layers(layers or ("none" if draft else "all"))
+    look = chosen_look(None, ocio, display, view)
     part = Share() if share is None else Share.parse(share)
     if frames is not None:
         still = {
@@ -117,9 +129,11 @@ def render(
                 job,
                 chosen,
                 exposure,
+                look,
                 repair,
                 device,
                 force,
+                exr,
                 verify,
                 progress,
                 interruption,
@@ -155,8 +169,8 @@ def render(
             )
             session = Session(loaded, device, keep=False)
             if share is None:
-                session.display(ExrDisplay(target, chosen))
-                session.display(PngDisplay(files[1], exposure))
+                session.display(ExrDisplay(target, chosen, exr))
+                session.display(PngDisplay(files[1], exposure, look))
             with Reporter(progress, files, exposure) as reporter:
                 run(session, job, reporter, interruption)
         except (KeyboardInterrupt, RuntimeError):

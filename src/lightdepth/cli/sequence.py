@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from lightdepth.cli.render import Interruption
+    from lightdepth.film.layers import Structure
+    from lightdepth.images.look import Look
     from lightdepth.kernel.start import Device
     from lightdepth.scene.frames import SceneFrames
     from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
@@ -46,9 +48,11 @@ def render_sequence(
     job: Job,
     layers: Collection[str] | None,
     exposure: float,
+    look: Look,
     repair: bool,
     device: Device,
     force: bool,
+    structure: Structure,
     verify: bool,
     progress: str,
     interruption: Interruption,
@@ -70,7 +74,7 @@ def render_sequence(
     find_camera(loaded, job.camera)
     name = job.camera or next(iter(loaded.cameras))
     files = FrameFiles(output or Path(f"{scene.stem}-{name}.{'#' * DIGITS}.exr"))
-    wanted = SequenceJob(numbers, files, job, layers, exposure, force)
+    wanted = SequenceJob(numbers, files, job, layers, exposure, force, structure, look)
     with _Reporter(progress, wanted) as reporter:
         rendering = SequenceRendering(moving, wanted, device, reporter.report)
         reporter.begin()
@@ -183,7 +187,7 @@ class _Reporter(EventReporter):
 
     def print_states(self) -> None:
         """Say what is on disk."""
-        from lightdepth.sequence.numbering import told_frames
+        from lightdepth.numbered_files import told_frames
 
         if self._kind == "json":
             return
@@ -194,7 +198,7 @@ class _Reporter(EventReporter):
 
     def end(self, complete: bool) -> None:
         """Say what was done, and how to go on."""
-        from lightdepth.sequence.numbering import told_frames
+        from lightdepth.numbered_files import told_frames
 
         if self._bar is not None:
             self._bar.stop()

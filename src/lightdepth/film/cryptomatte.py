@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.cameras.topology import Rectangle
 from lightdepth.scene.model import SyntheticObject
 
 MOST_RANKS = 6
@@ -37,6 +38,14 @@ class Mattes:
     shares: NDArray[np.float32]
     objects: tuple[str, ...]
     materials: tuple[str, ...]
+
+    def cut(self, rectangle: Rectangle, width: int) -> Mattes:
+        """Those of a part of an image of ``width`` columns."""
+        row, column = np.divmod(self.pixels, np.uint32(width))
+        here = (row >= rectangle.top) & (row < rectangle.bottom)
+        here &= (column >= rectangle.left) & (column < rectangle.right)
+        pixels = (row[here] - rectangle.top) * rectangle.width + column[here] - rectangle.left
+        return replace(self, pixels=pixels.astype(np.uint32), shapes=self.shapes[here], shares=self.shares[here])
 
     def dominant(self, size: int, owners: Sequence[int]) -> NDArray[np.uint32]:
         """Which object covers most of each pixel of an image of ``size`` pixels, shape (size,).

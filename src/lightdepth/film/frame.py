@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.cameras.topology import Flat, Topology
+from lightdepth.cameras.topology import Flat, Rectangle, Topology
 from lightdepth.film.cryptomatte import Mattes
 
 EXPOSURE = "exposure"
 """Among a frame's facts: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
+CAMERA = "camera"
+"""Likewise: the camera's settings without its pose, a JSON object with the keys of the scene file."""
+NUMBER = "frame"
+"""Likewise: its number, of a frame of a sequence."""
+LARGEST_SHADOW = 65504.0
+"""What a half float holds."""
 
 
 @dataclass
@@ -34,6 +42,7 @@ class Frame:
         variance: variance of the mean of ``beauty``, shape (height, width, 3), float32.
         samples: number of samples spent, shape (height, width), uint32.
         metadata: facts for the file's header, by name.
+        matrices: poses for the file's header, by name, shape (4, 4), float32; see :mod:`lightdepth.film.header`.
         object_names: names of the objects, those of ``object_id`` 1, 2, ... in order.
         mattes: how much of each pixel objects and materials cover.
         topology: how the pixels lie beside each other; by default, a picture that ends at its edges.
@@ -52,6 +61,7 @@ class Frame:
     variance: NDArray[np.float32] | None = None
     samples: NDArray[np.uint32] | None = None
     metadata: dict[str, str] = field(default_factory=dict)
+    matrices: dict[str, NDArray[np.float32]] = field(default_factory=dict)
     object_names: tuple[str, ...] = ()
     mattes: Mattes | None = None
     topology: Topology = None  # type: ignore[assignment]  # filled in below
@@ -60,6 +70,21 @@ class Frame:
         if self.topology is None:
             height, width = self.coverage.shape
             self.topology = Flat(width, height)
+
+    def parts(self) -> Iterator[tuple[str, Frame]]:
+        """The charts that are to be files of their own, with their names: eyes, or faces of a cube."""
+        for name, chart in zip(self.topology.parts, self.topology.charts, strict=False):
+            yield name, self._cut(chart, name)
+
+    def _cut(self, chart: Rectangle, name: str) -> Frame:
+        planes: dict[str, Any] = {
+            layer.name: np.ascontiguousarray(value[chart.slices])
+            for layer in fields(self)
+            if isinstance(value := getattr(self, layer.name), np.ndarray)
+        }
+        mattes = None if self.mattes is None else self.mattes.cut(chart, self.coverage.shape[1])
+        facts = {**self.metadata, "part": name}
+        return replace(self, **planes, mattes=mattes, metadata=facts, topology=self.topology.alone(chart))
 
     @property
     def beauty(self) -> NDArray[np.float32]:
@@ -78,6 +103,21 @@ class Frame:
             line[touched] *= 1.0 - self.coverage[row, touched, None]
             line[touched] += self.change[row, touched] + self.synthetic[row, touched]
         return beauty
+
+    @property
+    def shadow(self) -> NDArray[np.float16]:
+        """The change as a factor of the plate, shape (height, width, 3), float16.
+
+        ``beauty = plate (1 - coverage) shadow + synthetic`` but for rounding. It is 1 where the plate is black or fully
+        covered.
+        """
+        shadow = np.ones(self.plate.shape, np.float16)
+        for row, line in enumerate(shadow):
+            before = self.plate[row] * (1.0 - self.coverage[row, :, None])
+            known = (before > 0.0) & (self.change[row] != 0.0)
+            factor = 1.0 + self.change[row, known].astype(np.float64) / before[known]
+            line[known] = np.clip(factor, 0.0, LARGEST_SHADOW)
+        return shadow
 
     def touched(self, row: int) -> NDArray[np.bool_]:
         """Which pixels of a row new objects cover or change, shape (width,)."""

@@ -1,11 +1,12 @@
-"""A frame as a file: one OpenEXR part a layer, and the picture for the screen beside it."""
+"""A frame as a file: OpenEXR with its layers, and the picture for the screen beside it."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import OpenEXR
@@ -13,14 +14,17 @@ import OpenEXR
 from lightdepth.cameras.topology import Flat, Rectangle, Spherical
 from lightdepth.errors import InputError
 from lightdepth.film.cryptomatte import matte_channels
-from lightdepth.film.frame import EXPOSURE, Frame
+from lightdepth.film.frame import EXPOSURE, NUMBER, Frame
+from lightdepth.film.header import COLOUR, MATRICES, software, time_attributes
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
+from lightdepth.images.look import Look
 from lightdepth.images.png import write_png
 from lightdepth.images.tonemapping import Curve, auto_exposure, tone_map
 
 LAYERS: dict[str, tuple[str, type[np.generic]]] = {
     "plate": ("RGB", np.float32),
     "change": ("RGB", np.float32),
+    "shadow": ("RGB", np.float16),
     "synthetic": ("RGB", np.float32),
     "coverage": ("Y", np.float32),
     "object_id": ("id", np.uint32),
@@ -29,32 +33,46 @@ LAYERS: dict[str, tuple[str, type[np.generic]]] = {
     "albedo": ("RGB", np.float16),
     "photograph": ("share", np.float32),
     "variance": ("RGB", np.float32),
-    "samples": ("samples", np.uint32),
+    "samples": ("count", np.uint32),
     "cryptomatte": ("", np.float32),
 }
 """Channels and pixel type of each layer of a frame. Half floats only where nobody could see the difference."""
 AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo", "photograph", "cryptomatte"})
 """Those that take time of their own, see ``lightdepth.film.auxiliary``."""
-PART_NAMES = {"coverage": "alpha"}
-"""Names of parts that are not the layer's own."""
+FILE_NAMES = {"normal": "N"}
+"""Names of layers in the file that are not the layer's own, but the ones that compositing programs know."""
+FILE_LAYOUT = 2
+"""Counts the changes of what a file holds; part of the fingerprint of frames."""
+Structure = Literal["multipart", "single"]
 ROWS_AT_ONCE = 128
 REQUIRED = ("plate", "change", "synthetic", "coverage")
 _OBJECT_NAMES = "lightdepth:objects"
 _METADATA = "lightdepth:"
+_NUMBERED = re.compile(r"(.*)([._-]\d+)")
+_FORMER_NAMES = {"alpha.Y": "coverage.Y", "samples.samples": "samples.count"} | {f"normal.{c}": f"N.{c}" for c in "XYZ"}
 _ENVIRONMENT_MAPS = {"latlong": OpenEXR.ENVMAP_LATLONG}
 
 
-def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None, rate: Fraction | None = None) -> None:
-    """Write a frame as OpenEXR: the finished image as ``R G B A`` first, then each layer as a part with its name.
+def write_frame(
+    path: Path,
+    frame: Frame,
+    layers: Collection[str] | None = None,
+    rate: Fraction | None = None,
+    structure: Structure = "multipart",
+) -> None:
+    """Write a frame as OpenEXR: the finished image as ``R G B A``, and each layer with channels ``layer.X``.
 
-    ``A`` is 1 inside the camera's image; the part ``alpha`` holds the new objects' coverage. The parts of a full
-    panorama are marked ``envmap = latlong``.
+    ``A`` is 1 inside the camera's image; ``coverage`` holds the new objects' coverage. A full panorama is marked
+    ``envmap = latlong``. The first part says how the frame was made; see :mod:`lightdepth.film.header`. Views and faces
+    that are to be files of their own are written first, see :func:`part_path`.
 
     Args:
         path: where to write; the file appears whole or not at all.
         frame: what to write.
         layers: names out of ``LAYERS`` to write beside the finished image; ``None`` means all that the frame has.
         rate: frames per second, for a frame of a sequence.
+        structure: ``multipart`` writes the image first and each layer as a part with its name, ``single`` all as one
+            part, for programs that read no other.
 
     Raises:
         InputError: a layer's name is unknown, or the file cannot be written.
@@ -62,75 +80,110 @@ def write_frame(path: Path, frame: Frame, layers: Collection[str] | None = None,
     unknown = sorted(set(layers or ()) - set(LAYERS))
     if unknown:
         raise InputError(f"layer '{unknown[0]}' is unknown; allowed are {', '.join(LAYERS)}")
+    for name, part in frame.parts():
+        write_frame(part_path(path, name), part, layers, rate, structure)
     layout = frame.topology.environment_map
-    marks: dict[str, Any] = {} if layout is None else {"envmap": _ENVIRONMENT_MAPS[layout]}
-    header = {**marks, **{_METADATA + name: value for name, value in frame.metadata.items()}}
+    shared: dict[str, Any] = dict(COLOUR)  # Some of it must be the same in all parts.
+    if layout is not None:
+        shared["envmap"] = _ENVIRONMENT_MAPS[layout]
+    facts = {**{_METADATA + name: value for name, value in frame.metadata.items()}, **frame.matrices}
+    facts["software"] = software()
     if rate is not None:
-        header["framesPerSecond"] = rate
+        number = frame.metadata.get(NUMBER)
+        timing = time_attributes(None if number is None else int(number), rate)
+        facts["framesPerSecond"] = timing.pop("framesPerSecond")
+        shared |= timing
+    header = {**shared, **facts}
     planes: dict[str, Any] = {"RGB": frame.beauty, "A": frame.alpha}
     if frame.mattes is not None and (layers is None or "cryptomatte" in layers):
         # In the first part, which is the only one that many programs search for them.
         for name, of_shapes in (("CryptoObject", frame.mattes.objects), ("CryptoMaterial", frame.mattes.materials)):
-            matte_planes, facts = matte_channels(frame.mattes, name, of_shapes, frame.coverage.shape)
+            matte_planes, matte_facts = matte_channels(frame.mattes, name, of_shapes, frame.coverage.shape)
             planes |= matte_planes
-            header |= facts
+            header |= matte_facts
     parts = [ExrPart(planes, "beauty", header)]
     for layer, (channels, dtype) in LAYERS.items():
+        if layers is not None and layer not in layers:
+            continue
         pixels = getattr(frame, layer, None)
-        if pixels is None or (layers is not None and layer not in layers):
+        if pixels is None:
             continue
         extra = {_OBJECT_NAMES: list(frame.object_names)} if layer == "object_id" and frame.object_names else {}
+        name = FILE_NAMES.get(layer, layer)
         parts.append(
-            ExrPart(
-                _channels(channels, pixels.astype(dtype, copy=False)), PART_NAMES.get(layer, layer), {**marks, **extra}
-            )
+            ExrPart(_channels(name, channels, pixels.astype(dtype, copy=False)), layer, {**shared, **extra}),
         )
+    if structure == "single":
+        together = {name: plane for part in parts for name, plane in part.channels.items()}
+        parts = [ExrPart(together, "", {name: value for part in parts for name, value in part.header.items()})]
     write_exr(path, parts)
 
 
-def _channels(names: str, pixels: np.ndarray) -> dict[str, np.ndarray]:
+def part_path(path: Path, name: str) -> Path:
+    """The file of a view or face beside that of the whole film: ``shot.left.exr``, ``shot.left.0001.exr``."""
+    found = _NUMBERED.fullmatch(path.stem)
+    stem, number = (path.stem, "") if found is None else found.groups()
+    return path.with_name(f"{stem}.{name}{number}{path.suffix}")
+
+
+def _channels(layer: str, names: str, pixels: np.ndarray) -> dict[str, np.ndarray]:
     """A layer's channels for the file; RGB stays interleaved, which saves a copy."""
+    if names == "RGB":
+        return {layer: pixels}
     if names == "XYZ":
-        return {name: pixels[:, :, i] for i, name in enumerate(names)}
+        return {f"{layer}.{name}": pixels[:, :, i] for i, name in enumerate(names)}
     if names == "share":
-        return {f"share{number}": pixels[:, :, number - 1] for number in range(1, pixels.shape[2] + 1)}
-    return {names: pixels}
+        return {f"{layer}.share{number}": pixels[:, :, number - 1] for number in range(1, pixels.shape[2] + 1)}
+    return {f"{layer}.{names}": pixels}
 
 
 def read_frame(path: Path) -> Frame:
-    """Read a frame that :func:`write_frame` wrote with at least the layers ``REQUIRED``.
+    """Read a frame that :func:`write_frame` wrote with at least the layers ``REQUIRED``, of this version or earlier ones.
 
     Raises:
         InputError: the file is missing, unreadable, or lacks a layer.
     """
-    parts = {part.name: part for part in read_exr(path)}
-    needed = ["beauty", *(PART_NAMES.get(name, name) for name in REQUIRED)]
-    missing = [name for name in needed if name not in parts]
-    if missing:
-        raise InputError(f"{path}: lacks the parts {', '.join(missing)}; it has {', '.join(map(repr, parts))}")
+    parts = read_exr(path)
+    planes_of: dict[str, np.ndarray] = {}
+    for part in parts:
+        for name, plane in part.channels.items():
+            bare = "." not in name and part.name not in ("", "beauty")  # Earlier, only parts had the layers' names.
+            full = f"{part.name}.{name}" if bare else name
+            planes_of[_FORMER_NAMES.get(full, full)] = plane
+    first = parts[0]
     layers: dict[str, Any] = {}
     for layer, (channels, dtype) in LAYERS.items():
-        part = parts.get(PART_NAMES.get(layer, layer))
-        if part is None:
-            continue
-        names = list(channels) if channels in ("RGB", "XYZ") else [channels]
+        letters = list(channels) if channels in ("RGB", "XYZ") else [channels]
         if channels == "share":
-            names = [f"share{number}" for number in range(1, max(len(part.channels), 1) + 1)]
-        absent = [name for name in names if name not in part.channels]
+            count = sum(name.startswith(f"{layer}.share") for name in planes_of)
+            letters = [f"share{number}" for number in range(1, max(count, 1) + 1)]
+        names = [f"{FILE_NAMES.get(layer, layer)}.{letter}" for letter in letters]
+        absent = [name for name in names if name not in planes_of]
+        if len(absent) == len(names) or layer == "shadow":  # The frame computes that.
+            continue
         if absent:
-            raise InputError(f"{path}: part '{part.name}' lacks the channel '{absent[0]}'")
-        planes = [part.channels[name] for name in names]
-        full = np.uint32 if dtype is np.uint32 else np.float32
-        layers[layer] = (planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)).astype(full, copy=False)
-    beauty = parts["beauty"]
-    height, width = beauty.channels["A"].shape
-    panorama = beauty.header.get("envmap") == "latlong"
-    ids = parts.get("object_id")
+            raise InputError(f"{path}: lacks the channel '{absent[0]}'")
+        planes = [planes_of[name] for name in names]
+        kind = np.uint32 if dtype is np.uint32 else np.float32
+        layers[layer] = (planes[0] if len(planes) == 1 else np.stack(planes, axis=-1)).astype(kind, copy=False)
+    missing = [name for name in REQUIRED if name not in layers]
+    if missing or "A" not in planes_of:
+        lacking = ", ".join(missing) or "A"
+        raise InputError(f"{path}: lacks the layers {lacking}; it has the channels {', '.join(planes_of)}")
+    alpha = planes_of["A"]
+    height, width = alpha.shape
+    panorama = first.header.get("envmap") == "latlong"
+    names_of_objects = [part.header[_OBJECT_NAMES] for part in parts if _OBJECT_NAMES in part.header]
     return Frame(
         **layers,
-        alpha=beauty.channels["A"],
-        metadata={k.removeprefix(_METADATA): v for k, v in beauty.header.items() if k.startswith(_METADATA)},
-        object_names=tuple(ids.header.get(_OBJECT_NAMES, ())) if ids else (),
+        alpha=alpha,
+        metadata={
+            name.removeprefix(_METADATA): value
+            for name, value in first.header.items()
+            if name.startswith(_METADATA) and name not in (_OBJECT_NAMES, *MATRICES)
+        },
+        matrices={name: first.header[name] for name in MATRICES if name in first.header},
+        object_names=tuple(names_of_objects[0]) if names_of_objects else (),
         topology=Spherical((Rectangle(0, height, 0, width),)) if panorama else Flat(width, height),
     )
 
@@ -145,24 +198,37 @@ def picture_exposure(frame: Frame) -> float:
     return auto_exposure(frame.plate, frame.alpha) if known is None else float(known)
 
 
-def write_picture(path: Path, frame: Frame, exposure_stops: float | None = None, curve: Curve = "agx-like") -> None:
-    """Write a frame's finished image as PNG for the screen, transparent outside the camera's image.
+def write_picture(
+    path: Path,
+    frame: Frame,
+    exposure_stops: float | None = None,
+    curve: Curve = "agx-like",
+    look: Look | None = None,
+) -> None:
+    """Write a frame's finished image as PNG for the screen, transparent outside the camera's image, and so its parts.
 
     Args:
         path: where to write; the file appears whole or not at all.
         frame: what to show.
         exposure_stops: see :func:`~lightdepth.images.tonemapping.tone_map`; ``None`` takes :func:`picture_exposure`.
         curve: the tone curve.
+        look: is used instead of it.
 
     Raises:
         InputError: the file cannot be written.
     """
     if exposure_stops is None:
         exposure_stops = picture_exposure(frame)
+    for name, part in frame.parts():
+        write_picture(part_path(path, name), part, exposure_stops, curve, look)
     pixels = np.empty(frame.plate.shape, np.uint8)
     for first in range(0, len(pixels), ROWS_AT_ONCE):
         here = slice(first, first + ROWS_AT_ONCE)
-        pixels[here] = tone_map(frame.beauty_rows(here.start, here.stop), exposure_stops, curve)
+        rows = frame.beauty_rows(here.start, here.stop)
+        if look is None:
+            pixels[here] = tone_map(rows, exposure_stops, curve)
+        else:
+            pixels[here] = np.rint(look(rows, exposure_stops) * 255.0)
     if not (frame.alpha == 1.0).all():
         alpha = np.rint(np.clip(frame.alpha, 0.0, 1.0) * 255.0).astype(np.uint8)
         pixels = np.concatenate([pixels, alpha[:, :, None]], axis=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,7 +20,8 @@ from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.allocation import Allocation
 from lightdepth.film.auxiliary import render_auxiliary
 from lightdepth.film.cryptomatte import shape_names
-from lightdepth.film.frame import EXPOSURE, Frame
+from lightdepth.film.frame import CAMERA, EXPOSURE, Frame
+from lightdepth.film.header import view_matrices
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.picture_error import PictureError
 from lightdepth.film.pixel_list import PixelList
@@ -211,6 +213,7 @@ class Rendering:
             **means,
             samples=self._list.scattered(taken),
             metadata=facts,
+            matrices=view_matrices(self._view, self._scene.panorama.viewpoint),
             object_names=tuple(thing.name for thing in self._scene.synthetic),
             topology=self._view.topology,
         )
@@ -342,6 +345,7 @@ class Rendering:
         """For the file's header: how the image was made, and what was simplified."""
         report = self._prepared.irradiance
         facts = {
+            CAMERA: _settings(self._view),
             "method": self._method,
             "seed": str(self._seed),
             "samples": f"{self._accumulator.taken.mean():.1f}" if len(self.pixels) else "0",
@@ -357,3 +361,9 @@ class Rendering:
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)
         return facts
+
+
+def _settings(view: Viewpoint) -> str:
+    """A camera's settings without its pose, as JSON."""
+    pose = {"position", "rotation", "look_at"}
+    return json.dumps(view.camera.model_dump(exclude=pose, exclude_none=True))

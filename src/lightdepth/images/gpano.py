@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from xml.sax.saxutils import escape
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,3 +110,48 @@ def _rotation(values: dict[str, float], what: str) -> NDArray[np.float64] | None
             "degrees); turn it by 180 degrees, or correct the metadata"
         )
     return rotation
+
+
+def photo_sphere_xmp(width: int, height: int, rotation: NDArray[np.float64] | None, software: str) -> bytes:
+    """The metadata of a full sphere, as an XMP packet.
+
+    Args:
+        width: of the image, pixels.
+        height: likewise.
+        rotation: light space to a world with z up and y to the north, shape (3, 3); ``None`` writes no pose.
+        software: that made it.
+    """
+    facts = {
+        "ProjectionType": "equirectangular",
+        "UsePanoramaViewer": "True",
+        "FullPanoWidthPixels": width,
+        "FullPanoHeightPixels": height,
+        "CroppedAreaImageWidthPixels": width,
+        "CroppedAreaImageHeightPixels": height,
+        "CroppedAreaLeftPixels": 0,
+        "CroppedAreaTopPixels": 0,
+        "StitchingSoftware": software,
+    }
+    if rotation is not None:
+        heading, pitch, roll = _angles(rotation)
+        facts |= {
+            "PoseHeadingDegrees": f"{heading:.4f}",
+            "PosePitchDegrees": f"{pitch:.4f}",
+            "PoseRollDegrees": f"{roll:.4f}",
+        }
+    elements = "".join(f"<GPano:{name}>{escape(str(value))}</GPano:{name}>" for name, value in facts.items())
+    return (
+        '<?xpacket begin="\ufeff" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
+        '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'
+        f'<rdf:Description rdf:about="" xmlns:GPano="http://ns.google.com/photos/1.0/panorama/">{elements}'
+        '</rdf:Description></rdf:RDF></x:xmpmeta><?xpacket end="w"?>'
+    ).encode()
+
+
+def _angles(rotation: NDArray[np.float64]) -> tuple[float, float, float]:
+    """Heading, pitch and roll in degrees: the inverse of ``_rotation``."""
+    forward = rotation[:, 1]
+    heading = np.degrees(np.arctan2(forward[0], forward[1])) % 360.0
+    pitch = np.degrees(np.arcsin(np.clip(forward[2], -1.0, 1.0)))
+    roll = np.degrees(np.arctan2(-rotation[2, 0], rotation[2, 2]))
+    return float(heading), float(pitch), float(roll)

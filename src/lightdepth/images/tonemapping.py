@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, get_args
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,18 +48,42 @@ def tone_map(
     Raises:
         InputError: there is no such curve.
     """
-    if curve in FORMER_NAMES:
-        warn(f"tone curve '{curve}' is now called '{FORMER_NAMES[curve]}'")
-        curve = FORMER_NAMES[curve]
-    if curve not in CURVES:
-        raise InputError(f"tone curve '{curve}': allowed are {', '.join(get_args(Curve))}")
+    curve = known_curve(curve)
     pixels = np.empty(radiance.shape, dtype=np.uint8)
     rows = max(1, 2**20 // max(1, radiance.shape[1]))
     for top in range(0, radiance.shape[0], rows):  # In bands, so that a large image needs little memory.
-        band = np.nan_to_num(radiance[top : top + rows], nan=0.0, posinf=3e38, neginf=0.0)
-        exposed = np.clip(band, 0.0, 1e30) * np.float32(2.0**exposure_stops)
-        pixels[top : top + rows] = np.rint(_encode_srgb(np.clip(CURVES[curve](exposed), 0.0, 1.0)) * 255.0)
+        pixels[top : top + rows] = np.rint(display_values(radiance[top : top + rows], exposure_stops, curve) * 255.0)
     return pixels
+
+
+def display_values(radiance: Rgb, exposure_stops: float = 0.0, curve: Curve = "agx-like") -> Rgb:
+    """Turn linear radiance into values for the screen that are not yet quantised.
+
+    Args:
+        radiance: as for :func:`tone_map`.
+        exposure_stops: likewise.
+        curve: likewise.
+
+    Returns:
+        sRGB, shape (height, width, 3), float32, in [0, 1].
+    """
+    finite = np.nan_to_num(radiance, nan=0.0, posinf=3e38, neginf=0.0)
+    exposed = np.clip(finite, 0.0, 1e30) * np.float32(2.0**exposure_stops)
+    return _encode_srgb(np.clip(CURVES[known_curve(curve)](exposed), 0.0, 1.0))
+
+
+def known_curve(curve: str) -> Curve:
+    """The curve of this name, or of this former name.
+
+    Raises:
+        InputError: there is none.
+    """
+    if curve in FORMER_NAMES:
+        warn(f"tone curve '{curve}' is now called '{FORMER_NAMES[curve]}'")
+        return FORMER_NAMES[curve]
+    if curve not in CURVES:
+        raise InputError(f"tone curve '{curve}': allowed are {', '.join(get_args(Curve))}")
+    return cast(Curve, curve)
 
 
 def auto_exposure(radiance: NDArray[np.float32], alpha: NDArray[np.float32] | None = None) -> float:

@@ -44,7 +44,7 @@ class LightList:
     """Light samples laid out for lookups by uniform random numbers; immutable, so that renderings cannot interfere.
 
     In two packets of four, so that one is fetched with two loads from one line of the processor's cache: RIS
-    candidates lie far apart. Signs mark the sky, relit surfaces, and suns. The radiance lies by itself, since few of
+    candidates lie far apart. Signs mark the sky and relit surfaces. The radiance lies by itself, since few of
     them need it.
 
     Args:
@@ -56,7 +56,7 @@ class LightList:
         largest = dr.max(samples.radiance)
         packets = (
             mi.Vector4f(*samples.position, dr.select(samples.finite, samples.density, -samples.density)),
-            mi.Vector4f(*samples.normal, dr.select(samples.on_relit | samples.is_sun, -largest, largest)),
+            mi.Vector4f(*samples.normal, dr.select(samples.on_relit, -largest, largest)),
             mi.Vector4f(*samples.radiance, 0.0),
         )
         dr.eval(packets)
@@ -79,15 +79,15 @@ class LightList:
         index = 2 * self._index(u)
         first = dr.gather(mi.Vector4f, self._outlines, index, active)
         second = dr.gather(mi.Vector4f, self._outlines, index + 1, active)
-        finite, marked = first.w >= 0.0, second.w < 0.0
+        finite = first.w >= 0.0
         return LightSample(
             mi.Vector3f(first.x, first.y, first.z),
             mi.Vector3f(second.x, second.y, second.z),
             dr.abs(first.w),
             mi.Color3f(dr.abs(second.w)),
             finite,
-            finite & marked,
-            ~finite & marked,
+            finite & (second.w < 0.0),
+            mi.Bool(False),
         )
 
     def _index(self, u: mi.Float) -> mi.UInt32:

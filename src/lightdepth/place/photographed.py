@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.place.light_list import LightSample
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 
@@ -52,6 +53,10 @@ class Photographed(RealLight):
             images: ``S`` of each, radiance that the lobes of real surfaces send to its capture point, shape (h, 2 h, 3),
                 in the layout of the panorama.
         """
+
+    @abstractmethod
+    def presample(self, generator: np.random.Generator, count: int) -> LightSample:
+        """Draw ``count`` light samples, by the density that :meth:`arriving` gives."""
 
     @abstractmethod
     def sharp(self, hit: RealHit, ray: mi.Ray3f) -> mi.Color3f:

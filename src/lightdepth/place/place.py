@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.tracing import meets
-from lightdepth.place.light_list import LightList, LightSample, joined
+from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.photographed import Photographed
 from lightdepth.place.photographs import Photographs
@@ -25,7 +25,9 @@ from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.model import Gloss, Panorama, SunLight
 
 SUN_SHARE, MOST_SUNS_SHARE = 1 / 8, 1 / 2
-"""Of the light samples, for each sun and for all together: one in each vertex's RIS candidates is then of the sun."""
+"""Of the light samples for irradiance, for each sun and for all together."""
+PATHS_SHARE = 1 / 2
+"""Of the light paths, for all suns together: what is polished sends most light on where a sun shines on it."""
 
 
 class Place:
@@ -43,6 +45,8 @@ class Place:
         photograph: what was photographed: one panorama, or several as one.
         lights: all lights, the photograph first.
         suns: those of ``lights`` that are suns.
+        shares: of the light samples for irradiance, for each of ``lights``.
+        path_shares: of the light paths, for each of ``lights``.
         glosses: the specular lobes of its surfaces, once what they mirror is known.
     """
 
@@ -61,7 +65,9 @@ class Place:
         self.suns = tuple(Sun(sun, surfaces) for sun in suns)
         self.glosses: tuple[Gloss, ...] = ()
         share = min(SUN_SHARE, MOST_SUNS_SHARE / max(len(self.suns), 1))
-        self._shares = [1.0 - share * len(self.suns), *(share for _ in self.suns)]
+        self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
+        path_share = PATHS_SHARE / max(len(self.suns), 1)
+        self.path_shares = (1.0 - path_share * len(self.suns), *(path_share for _ in self.suns))
 
     @property
     def lights(self) -> tuple[RealLight, ...]:
@@ -95,7 +101,7 @@ class Place:
     # -- Sampling its light -------------------------------------------------------------------------------------
 
     def presample_lights(self, generator: np.random.Generator, count: int) -> LightList:
-        """Draw a list of light samples, each light's ones in a row.
+        """Draw a list of light samples of the photograph.
 
         All vertices of a pass share them, so that tracing them is paid once and not at every vertex.
 
@@ -103,16 +109,28 @@ class Place:
             generator: source of randomness.
             count: how many.
         """
+        return LightList(self.photograph.presample(generator, count), count)
+
+    def sample_light(self, lights: LightList, u: mi.Float, v: mi.Float, shares: Sequence[float]) -> LightSample:
+        """Light samples of all lights by their shares, which their densities include.
+
+        Args:
+            lights: those of the photograph.
+            u: uniform random numbers in [0, 1) that pick light and sample; evenly spaced ones are stratified over both.
+            v: further ones, for suns.
+            shares: of each of ``lights`` of the place; they sum to one.
+        """
         if not self.suns:
-            return LightList(self.photograph.presample(generator, count), count)
-        ends = np.rint(np.cumsum(self._shares) * count).astype(int)
-        counts = np.diff(ends, prepend=0)
-        drawn = []
-        for light, share, size in zip(self.lights, self._shares, counts, strict=True):
-            sample = light.presample(generator, int(size))
+            return lights.sample(u, mi.Bool(True))
+        begin = shares[0]
+        light = lights.sample(u / begin, u < begin)
+        light.density *= begin
+        for sun, share in zip(self.suns, shares[1:], strict=True):
+            sample = sun.sample(dr.clip((u - begin) / share, 0.0, 1.0), v)
             sample.density *= share
-            drawn.append(sample)
-        return LightList(joined(drawn, counts.tolist()), count)
+            light = dr.select(u < begin, light, sample)
+            begin += share
+        return light
 
     def toward(self, light: LightSample, point: mi.Point3f) -> tuple[mi.Vector3f, mi.Float, mi.Float]:
         """Direction, distance and density of light samples as seen from points.
@@ -137,15 +155,6 @@ class Place:
         if not self.photograph.one_sided:
             return mi.Bool(True)
         return ~light.finite | (dr.dot(light.normal, direction) > 0.0)
-
-    def likelihood(self, light: LightSample, point: mi.Point3f) -> mi.Float | float:
-        """Weight of light samples among RIS candidates at points, before their visibility is known."""
-        if not self.suns:
-            return 1.0
-        likely = self.suns[0].likelihood(point)
-        for sun in self.suns[1:]:
-            likely = dr.maximum(likely, sun.likelihood(point))
-        return dr.select(light.is_sun, likely, 1.0)
 
     def transmittance(self, light: LightSample, point: mi.Point3f) -> mi.Color3f | float:
         """Share of light samples that the masks of suns let through to points."""
@@ -180,14 +189,8 @@ class Place:
     def arriving(
         self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
     ) -> list[tuple[mi.Color3f, mi.Float, mi.Bool]]:
-        """Radiance of each light along rays: see :meth:`RealLight.arriving`; densities are those of the light list."""
-        arriving = [light.arriving(ray, hit, distance, active) for light in self.lights]
-        if not self.suns:
-            return arriving
-        return [
-            (radiance, pdf * share, finite)
-            for (radiance, pdf, finite), share in zip(arriving, self._shares, strict=True)
-        ]
+        """Radiance of each light along rays: see :meth:`RealLight.arriving`."""
+        return [light.arriving(ray, hit, distance, active) for light in self.lights]
 
 
 def _photographed(

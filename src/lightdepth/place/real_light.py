@@ -1,25 +1,20 @@
-"""What every light of the photographed place is: it can be sampled, and rays may hit it."""
+"""What every light of the photographed place is: rays may hit it, by a known density of its own sampling."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 
 import mitsuba as mi
-import numpy as np
 
-from lightdepth.place.light_list import LightSample
 from lightdepth.place.traced_surfaces import RealHit
 
 
 class RealLight(ABC):
     """A light of the place before insertion. A photograph is one: all that it shows sends light.
 
-    A new kind is a file in this folder and a line in :func:`lightdepth.place.place.real_lights`.
+    How its light is sampled is its own: the photograph's from a list that all paths share, a sun's afresh at each point.
+    A new kind is a file in this folder and an entry in :attr:`lightdepth.place.place.Place.lights`.
     """
-
-    @abstractmethod
-    def presample(self, generator: np.random.Generator, count: int) -> LightSample:
-        """Draw ``count`` light samples; the density of each is that of this light's own sampling."""
 
     @abstractmethod
     def arriving(
@@ -34,6 +29,6 @@ class RealLight(ABC):
             active: where it is wanted.
 
         Returns:
-            Radiance; the pdf of :meth:`presample` per steradian at ``x``; and whether it comes from a
+            Radiance; the pdf of this light's own sampling per steradian at ``x``; and whether it comes from a
             finite distance.
         """

@@ -28,9 +28,6 @@ RESOLUTION = 1024
 """Texels of the shadow map along its longer side."""
 DILATION = 5
 """Texels across the square in which one lit texel counts for all: the map steers sampling, and must miss nothing."""
-LIKELY, UNLIKELY = 1.0, 0.02
-"""Weight of the sun among the RIS candidates where the shadow map finds it visible, and elsewhere."""
-GOLDEN_RATIO = 0.5 * (math.sqrt(5.0) - 1.0)
 DEPTH_TOLERANCE = 0.02
 """Metres by which a point may lie behind the first surface that the sun meets and still count as lit by the map."""
 
@@ -60,17 +57,13 @@ class Sun(RealLight):
             self._mask_extent = dr.opaque(mi.Vector4f, settings.mask_extent)
         self._shadow_map = _ShadowMap(settings.direction, surfaces) if surfaces.has_real else None
 
-    def presample(self, generator: np.random.Generator, count: int) -> LightSample:
-        """Directions toward the disc, uniform over its solid angle; evenly spaced ones are stratified over it."""
-        index = np.arange(count)
-        u = (index + generator.random(count)) / count
-        v = np.mod(index * GOLDEN_RATIO + generator.random(), 1.0)
-        direction = self._direction(mi.Float(aligned(u)), mi.Float(aligned(v)))
+    def sample(self, u: mi.Float, v: mi.Float) -> LightSample:
+        """Directions toward the disc, uniform over its solid angle, by uniform random numbers in [0, 1)."""
         return LightSample(
-            direction,
+            self._direction(u, v),
             mi.Vector3f(0.0, 0.0, 1.0),
-            dr.zeros(mi.Float, count) + self._density,
-            dr.zeros(mi.Color3f, count) + self._radiance,
+            mi.Float(self._density),
+            mi.Color3f(self._radiance),
             mi.Bool(False),
             mi.Bool(False),
             mi.Bool(True),
@@ -115,11 +108,9 @@ class Sun(RealLight):
         channels = [value[i] for i in range(len(value))]
         return mi.Color3f(*(channels * (3 // len(channels)))) & inside
 
-    def likelihood(self, point: mi.Point3f) -> mi.Float:
-        """How much the sun should weigh among the RIS candidates at points: by the shadow map, never 0."""
-        if self._shadow_map is None:
-            return mi.Float(LIKELY)
-        return dr.select(self._shadow_map.may_be_lit(point), mi.Float(LIKELY), UNLIKELY)
+    def may_light(self, point: mi.Point3f) -> mi.Bool:
+        """Whether real surfaces seem to let the sun through to points, by the shadow map: wrong now and then."""
+        return mi.Bool(True) if self._shadow_map is None else self._shadow_map.may_be_lit(point)
 
     def _direction(self, u: mi.Float, v: mi.Float) -> mi.Vector3f:
         fall = u * self._versine

@@ -22,6 +22,7 @@ from lightdepth.work import advance
 
 LANES = 1 << 21
 """Samples that are traced at once."""
+GOLDEN_RATIO = 0.6180339887
 
 
 def estimate_irradiance(
@@ -163,7 +164,8 @@ def _scattered(
     samples: mi.Float,
 ) -> mi.Color3f:
     """One sample of each technique for sample ``index`` of ``samples``, shifted at random from point to point."""
-    light = lights.sample((index + shift.x) / samples, mi.Bool(True))
+    turn = GOLDEN_RATIO * index + shift.y
+    light = place.sample_light(lights, (index + shift.x) / samples, turn - dr.floor(turn), place.shares)
     direction, distance, pdf_light = place.toward(light, point)
     scattered, pdf = lobe.evaluate(direction)
     useful = (dr.max(scattered) > 0.0) & (pdf_light > 0.0)
@@ -179,6 +181,7 @@ def _scattered(
     useful = dr.max(scattered) > 0.0
     ray = leave(point, normal, direction)
     hit = place.surfaces.first_real(ray, useful)
-    for radiance, pdf_light, _ in place.arriving(ray, hit, hit.distance, useful):
-        value += dr.select(useful, radiance * scattered / dr.maximum(pdf_light + pdf, 1e-20), 0.0)
+    arriving = place.arriving(ray, hit, hit.distance, useful)
+    for (radiance, pdf_light, _), share in zip(arriving, place.shares, strict=True):
+        value += dr.select(useful, radiance * scattered / dr.maximum(pdf_light * share + pdf, 1e-20), 0.0)
     return value

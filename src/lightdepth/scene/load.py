@@ -20,7 +20,7 @@ from lightdepth.scene.lights import ClippedTable, SunTable
 from lightdepth.scene.lights.clipped import unclipped
 from lightdepth.scene.mask import read_mask
 from lightdepth.scene.materials import Principled, Texture
-from lightdepth.scene.meshes import MeshPart, read_mesh_file
+from lightdepth.scene.meshes import AnimatedMesh, MeshPart, read_mesh_file
 from lightdepth.scene.meshes.emissive import split_emissive
 from lightdepth.scene.meshes.geometry import merged, placed, placement
 from lightdepth.scene.meshes.mirrored import split_mirrored
@@ -43,6 +43,7 @@ from lightdepth.scene.scene_file import SceneText, Tables
 from lightdepth.scene.schema import CapturePose, MeshObject, OnSpot, Picture, RealTable, SphereObject, UnitShapeObject
 from lightdepth.scene.spot import angles_direction, find_spot, pixel_direction, standing_placement
 
+MeshKey = tuple[Path, bool]
 NO_PICTURE = np.zeros((0, 0, 3), np.float32)
 """Radiance of a panorama whose image cannot be read."""
 
@@ -58,13 +59,15 @@ class Contents:
         problems: a line each, in the order of the file; empty where all is well.
         tables: what the scene file says.
         meshes: what the mesh files of the objects hold, by path and whether their materials were read.
+        moving: opened files of the objects that are animated, likewise.
     """
 
     scene: Scene | None
     unread: int
     problems: tuple[str, ...]
     tables: Tables
-    meshes: dict[tuple[Path, bool], list[MeshPart]]
+    meshes: dict[MeshKey, list[MeshPart]]
+    moving: dict[MeshKey, AnimatedMesh]
 
 
 def load_scene(path: Path | str, repair: bool = False, frame: float | None = None) -> Scene:
@@ -110,9 +113,12 @@ def read_scene(
     if known is not None and known.scene is not None:
         panoramas, real, lights = list(known.scene.panoramas), list(known.scene.real), list(known.scene.lights)
     else:
-        panoramas, real, lights = _read_place(tables, repair, problems)
+        panoramas, real, lights = _read_place(tables, repair, problems, earlier)
     panorama, *further = panoramas
-    meshes = {} if earlier is None else earlier.meshes
+    # Of numbered meshes, only those of this frame are kept.
+    used = {_mesh_key(table) for table in tables.synthetic if isinstance(table, MeshObject)}
+    meshes = {} if earlier is None else {key: parts for key, parts in earlier.meshes.items() if key in used}
+    moving = {} if earlier is None else dict(earlier.moving)
     standing = {} if known is None or known.scene is None else {thing.name: thing for thing in known.scene.synthetic}
     same = [] if known is None else [table for table in known.tables.synthetic if table is not None]
     synthetic: list[SyntheticObject] = []
@@ -121,7 +127,7 @@ def read_scene(
             if thing is not None and thing in same and thing.name in standing:
                 synthetic.append(standing[thing.name])
             elif thing is not None:
-                synthetic.append(_synthetic_object(thing, panorama, real, meshes))
+                synthetic.append(_synthetic_object(thing, panorama, real, meshes, moving))
     cameras: dict[str, CameraView] = {}
     for name, camera in tables.cameras.items():
         with problems.noting(("camera", name)):
@@ -141,7 +147,7 @@ def read_scene(
         further=tuple(further),
     )
     unread = len(tables.real) - len(real)
-    return Contents(None if tables.pose is None else scene, unread, problems.messages, tables, meshes)
+    return Contents(None if tables.pose is None else scene, unread, problems.messages, tables, meshes, moving)
 
 
 def _same_place(tables: Tables, earlier: Contents) -> bool:
@@ -157,13 +163,21 @@ def _same_place(tables: Tables, earlier: Contents) -> bool:
 
 
 def _read_place(
-    tables: Tables, repair: bool, problems: Problems
+    tables: Tables, repair: bool, problems: Problems, earlier: Contents | None
 ) -> tuple[list[Panorama], list[RealSurface], list[SunLight]]:
     """What was photographed: panoramas, real surfaces and suns, as far as they can be read."""
     real: list[RealSurface] = []
-    for number, surface in enumerate(tables.real):
-        with problems.noting(("real", number)):
-            real += [] if surface is None else [_real_surface(surface)]
+    if (
+        earlier is not None
+        and earlier.scene is not None
+        and not earlier.problems
+        and earlier.tables.real == tables.real
+    ):
+        real += earlier.scene.real  # A filmed panorama has new light in the same room.
+    else:
+        for number, surface in enumerate(tables.real):
+            with problems.noting(("real", number)):
+                real += [] if surface is None else [_real_surface(surface)]
     panoramas = []
     for number, (pose, picture) in enumerate(zip(tables.poses, tables.pictures, strict=True)):
         panoramas.append(_panorama(number, pose or CapturePose(), picture, repair, problems))
@@ -275,19 +289,32 @@ def _synthetic_object(
     table: MeshObject | SphereObject | UnitShapeObject,
     panorama: Panorama,
     real: Sequence[RealSurface],
-    meshes: dict[tuple[Path, bool], list[MeshPart]],
+    meshes: dict[MeshKey, list[MeshPart]],
+    moving: dict[MeshKey, AnimatedMesh],
 ) -> SyntheticObject:
     if isinstance(table, MeshObject):
-        key = table.mesh, table.material is None
-        if key not in meshes:
-            meshes[key] = read_mesh_file(table.mesh, with_materials=table.material is None)
-        parts = meshes[key]
-        to_world = _to_world(table, [part.mesh for part in parts], panorama, real)
+        key = _mesh_key(table)
+        if table.animation is not None:
+            if key not in moving:
+                moving[key] = AnimatedMesh(*key)
+            parts = moving[key].parts(table.animation.name, table.animation.offset, table.animation.loop)
+            # It stands by the pose with which the animation begins, or it would slide along with its lowest point.
+            resting = moving[key].parts(table.animation.name, 0.0, loop=False) if table.on_spot else parts
+        else:
+            if key not in meshes:
+                meshes[key] = read_mesh_file(*key)
+            parts = resting = meshes[key]
+        to_world = _to_world(table, [part.mesh for part in resting], panorama, real)
         standing = [_part(part, to_world, table) for part in parts]
         pieces = [piece for part in standing for half in split_mirrored(part) for piece in split_emissive(half)]
         return SyntheticObject(table.name, tuple(pieces))
     to_world = _to_world(table, [AnalyticShape(table.shape, np.eye(4))], panorama, real)
     return SyntheticObject(table.name, (SyntheticPart(AnalyticShape(table.shape, to_world), table.material),))
+
+
+def _mesh_key(table: MeshObject) -> MeshKey:
+    """The file of an object, and whether its materials are wanted."""
+    return table.mesh, table.material is None
 
 
 def _to_world(

@@ -69,18 +69,20 @@ class Problems:
         model: type[BaseModel],
         known: Collection[KeyPath] = (),
         notes: Mapping[KeyPath, str] | None = None,
+        within: KeyPath = (),
     ) -> None:
         """Note every problem that pydantic found while it validated ``model``.
 
         Args:
             error: what it found.
-            model: the type of the whole file.
+            model: the type of the whole file, or of a table.
             known: key paths whose problems have been noted before.
             notes: by key path, what to add to a message about it.
+            within: key path of the table; empty for the whole file.
         """
         for details in error.errors(include_url=False):
-            path, expected = _without_tags(details["loc"], model)
-            path = self._as_written(path)
+            inner, expected = _without_tags(details["loc"], model)
+            path = self._as_written((*within, *inner))
             if any(path[: len(other)] == other for other in known):
                 continue
             message = _message(details, expected)

@@ -13,7 +13,9 @@ from pydantic import TypeAdapter, ValidationError
 from lightdepth.cameras import Camera, CameraSettings
 from lightdepth.errors import InputError, warn
 from lightdepth.scene.animation import Animation, SequenceTable
+from lightdepth.scene.camera_file import with_cameras_of_files
 from lightdepth.scene.lights import ClippedTable, LightSettings, SunTable
+from lightdepth.scene.moment import Moment
 from lightdepth.scene.problems import KeyPath, Problems
 from lightdepth.scene.schema import (
     CapturePose,
@@ -87,6 +89,8 @@ class SceneText:
     def frame(self, frame: float | None) -> float | None:
         """The frame that is meant: the first of the sequence by default; ``None`` where there is no sequence.
 
+        The shutter of the first frame opens before it, that of the last frame closes after it.
+
         Raises:
             InputError: there is no such frame.
         """
@@ -97,7 +101,8 @@ class SceneText:
                 )
             return None
         first, last = self.sequence.frames
-        if frame is not None and not first <= frame <= last:
+        opened = 0.5 * self.sequence.shutter
+        if frame is not None and not first - opened <= frame <= last + opened:
             raise InputError(f"{self.path}: has no frame {frame:g}; its [sequence] has frames {first} to {last}")
         return float(first) if frame is None else float(frame)
 
@@ -117,8 +122,15 @@ class SceneText:
         document = self.animation.at(0.0 if frame is None else frame)
         known = [place for place, _ in self.animation.mistakes]
         notes = {} if frame is None else dict.fromkeys(self.animation.keys, f" (at frame {frame:g})")
-        tables = _checked(document, self.path.parent, problems, known, notes)
+        context = {"folder": self.path.parent, "moment": self._moment(frame)}
+        tables = _checked(document, context, problems, known, notes)
         return replace(tables, frame=frame), problems
+
+    def _moment(self, frame: float | None) -> Moment | None:
+        if self.sequence is None or frame is None:
+            return None
+        first, last = self.sequence.frames
+        return Moment(frame, first, last, (frame - first) / float(self.sequence.rate))
 
     def _problems(self) -> Problems:
         return Problems(self.path, self._text, self._document)
@@ -126,7 +138,7 @@ class SceneText:
 
 def _checked(
     document: Mapping[str, Any],
-    folder: Path,
+    context: Mapping[str, Any],
     problems: Problems,
     known: Collection[KeyPath],
     notes: Mapping[KeyPath, str],
@@ -137,9 +149,9 @@ def _checked(
     panoramas = [table for table in _panoramas(document) if isinstance(table, dict)]
     if not document.get("real") and panoramas and not any("depth" in table for table in panoramas):
         problems.add((), "no real geometry: give [[real]] meshes of the place, or the depth of the [panorama]")
-    context = {"folder": folder}
+    document = with_cameras_of_files(document, context, problems)
     try:
-        file = SceneFile.model_validate(document, context=context)
+        file = SceneFile.model_validate(document, context=dict(context))
     except ValidationError as error:
         problems.add_all(error, SceneFile, known, notes)
         return _right_tables(document, context)
@@ -159,7 +171,7 @@ def _right_tables(document: Mapping[str, Any], context: Mapping[str, Any]) -> Ta
 
     def right(kind: Any, table: Any) -> Any:
         try:
-            return TypeAdapter(kind).validate_python(table, extra="ignore", context=context)
+            return TypeAdapter(kind).validate_python(table, extra="ignore", context=dict(context))
         except ValidationError:
             return None
 

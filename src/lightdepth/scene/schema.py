@@ -7,11 +7,12 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 
 from lightdepth.cameras import CameraSettings
+from lightdepth.numbered_files import MARK
 from lightdepth.parameters import Parameters
-from lightdepth.scene.animation import SequenceTable
+from lightdepth.scene.animation import SequenceTable, ShownAnimation
 from lightdepth.scene.lights import LightSettings
 from lightdepth.scene.materials import MaterialSettings
-from lightdepth.scene.values import InputFile, Name, Number, Pair, Scale, Table, Vector3, Whole
+from lightdepth.scene.values import InputFile, Name, Number, NumberedFile, Pair, Scale, Table, Vector3, Whole
 
 FORMAT = 1
 """Version of the scene file's format; files without one have the first. It grows when a key changes its meaning."""
@@ -43,11 +44,11 @@ def _gain(value: Any) -> Any:
 class Picture(Table):
     """``[[panorama]]``: what the photograph shows."""
 
-    image: InputFile
+    image: NumberedFile
     depth: InputFile | None = None
     scale: Number = Field(default=1.0, gt=0.0)
     gain: Annotated[Vector3, BeforeValidator(_gain)] | None = None
-    plate: InputFile | None = None
+    plate: NumberedFile | None = None
     mask: InputFile | None = None
 
 
@@ -113,8 +114,20 @@ class MeshObject(OnSpot, Placed):
     """``[[synthetic]]`` with a mesh file; without ``material`` it has the materials of the file."""
 
     name: Name
-    mesh: InputFile
+    mesh: NumberedFile
+    animation: ShownAnimation | None = None
     material: MaterialSettings | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _numbered_stand_by_their_origin(cls, table: Any) -> Any:
+        changing = isinstance(table, dict) and MARK in str(table.get("mesh"))
+        if changing and table.get("stand") is not False and ("at" in table or "at_angles" in table):
+            raise ValueError(
+                "numbered meshes have another lowest point in each frame; with at or at_angles they need "
+                "stand = false, which puts their origin there"
+            )
+        return table
 
 
 class SphereObject(OnSpot):

@@ -8,6 +8,8 @@ from typing import Annotated, Any
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 from lightdepth.files import is_file
+from lightdepth.numbered_files import MARK, is_pattern, numbered, told_frames
+from lightdepth.scene.moment import Moment
 
 Number = Annotated[float, Field(strict=True)]
 Whole = Annotated[int, Field(strict=True)]
@@ -23,6 +25,30 @@ def _existing_file(path: Path, info: ValidationInfo) -> Path:
     return resolved
 
 
+def _numbered_file(path: Path, info: ValidationInfo) -> Path:
+    """The path, where ``#`` in its name stands for the digits of the frame that is nearest (``context["moment"]``).
+
+    All frames of the sequence are looked for, so that one message names those that are missing.
+    """
+    context = info.context or {}
+    resolved: Path = context.get("folder", Path()) / path
+    if MARK not in path.name or is_file(resolved):
+        return _existing_file(path, info)
+    if not is_pattern(path.name):
+        raise ValueError(f"{path.name}: the {MARK} that stand for the digits of a frame's number must be in one place")
+    moment: Moment | None = context.get("moment")
+    if moment is None:
+        raise ValueError(
+            f"{path.name}: numbered files belong to the frames of a [sequence], which the file does not have"
+        )
+    missing = moment.missing(resolved)
+    if missing:
+        count = moment.last - moment.first + 1
+        frames = "frame" if len(missing) == 1 else "frames"
+        raise ValueError(f"{resolved}: no such file for {frames} {told_frames(missing)}, {len(missing)} of {count}")
+    return numbered(resolved, moment.nearest)
+
+
 def _one_or_three(value: Any) -> Any:
     three = value if isinstance(value, list) else [value] * 3
     if len(three) != 3 or any(isinstance(n, bool) or not isinstance(n, int | float) or n == 0 for n in three):
@@ -31,6 +57,8 @@ def _one_or_three(value: Any) -> Any:
 
 
 InputFile = Annotated[Path, AfterValidator(_existing_file)]
+NumberedFile = Annotated[Path, AfterValidator(_numbered_file)]
+"""A file, or one for each frame of the sequence."""
 Scale = Annotated[Vector3, BeforeValidator(_one_or_three)]
 Name = Annotated[str, Field(min_length=1)]
 

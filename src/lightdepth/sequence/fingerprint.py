@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from enum import StrEnum
 from fractions import Fraction
 from importlib import metadata
@@ -12,6 +12,7 @@ import numpy as np
 
 from lightdepth.errors import InputError
 from lightdepth.files import exists
+from lightdepth.film.layers import FILE_LAYOUT, Structure
 from lightdepth.images.exr import ExrReader
 from lightdepth.scene.identity import digest, scene_digest, view_digest
 from lightdepth.scene.model import CameraView, Scene
@@ -39,7 +40,16 @@ def frame_seed(seed: int, frame: int) -> int:
     return int(np.random.SeedSequence([seed, frame]).generate_state(1)[0])
 
 
-def fingerprint(scene: Scene, view: CameraView, job: Job, layers: Collection[str] | None, rate: Fraction) -> str:
+def fingerprint(
+    scene: Scene,
+    view: CameraView,
+    job: Job,
+    layers: Collection[str] | None,
+    rate: Fraction,
+    structure: Structure = "multipart",
+    shutter: tuple[float, int] | None = None,
+    motion: Sequence[tuple[Scene, CameraView]] = (),
+) -> str:
     """Digest of all that decides a frame.
 
     Args:
@@ -48,6 +58,9 @@ def fingerprint(scene: Scene, view: CameraView, job: Job, layers: Collection[str
         job: its settings; the seed is that of the frame.
         layers: that are written.
         rate: frames per second, which the file states.
+        structure: of the file.
+        shutter: how long it is open and how many instants are rendered; ``None`` where the frame is sharp.
+        motion: the scene and the camera where it opens and where it closes.
     """
     settings = scene.render
     chosen = (
@@ -59,9 +72,14 @@ def fingerprint(scene: Scene, view: CameraView, job: Job, layers: Collection[str
         job.denoise,
         None if layers is None else sorted(layers),
         str(rate),
+        structure,
+        FILE_LAYOUT,
         metadata.version("lightdepth"),
     )
-    return digest(scene_digest(scene), view_digest(view), chosen)
+    sharp = scene_digest(scene), view_digest(view), chosen
+    if shutter is None:
+        return digest(*sharp)
+    return digest(*sharp, shutter, [(scene_digest(other), view_digest(its_view)) for other, its_view in motion])
 
 
 def state_of(file: Path, wanted: str) -> State:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 from lightdepth.errors import InputError
+from lightdepth.numbered_files import MARK, is_pattern, numbered
 from lightdepth.scene.animation import SequenceTable
 
-MARK = "#"
 _RANGE = re.compile(r"(\d{1,7})(?:-(\d{1,7}))?")
 
 
@@ -22,13 +21,7 @@ def parsed_frames(text: str, step: int, sequence: SequenceTable) -> list[int]:
         InputError: it is written otherwise, or a frame is not in the sequence.
     """
     frames: dict[int, None] = {}
-    for part in text.split(","):
-        match = _RANGE.fullmatch(part.strip())
-        if match is None:
-            raise InputError(f"--frames {text[:60]}: write it as 1-240, or 7, or 1-10,20-30")
-        first, last = int(match[1]), int(match[2] or match[1])
-        if first > last:
-            raise InputError(f"--frames {text[:60]}: {first} comes after {last}")
+    for first, last in _ranges(text):
         if first < sequence.first or last > sequence.last:
             outside = first if first < sequence.first else last
             raise InputError(
@@ -39,12 +32,24 @@ def parsed_frames(text: str, step: int, sequence: SequenceTable) -> list[int]:
     return sorted(frames)
 
 
-def told_frames(frames: Iterable[int]) -> str:
-    """Frames in few words, as ``parsed_frames`` reads them: ``1-3,7``."""
-    numbers = sorted(frames)
-    cuts = [i + 1 for i, (before, after) in enumerate(pairwise(numbers)) if after != before + 1]
-    runs = [numbers[begin:end] for begin, end in pairwise([0, *cuts, len(numbers)]) if numbers]
-    return ",".join(f"{run[0]}" if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)
+def parsed_ranges(text: str) -> list[int]:
+    """The frames of the option ``--frames`` where no sequence limits them.
+
+    Raises:
+        InputError: it is written otherwise.
+    """
+    return sorted({number for first, last in _ranges(text) for number in range(first, last + 1)})
+
+
+def _ranges(text: str) -> Iterator[tuple[int, int]]:
+    for part in text.split(","):
+        match = _RANGE.fullmatch(part.strip())
+        if match is None:
+            raise InputError(f"--frames {text[:60]}: write it as 1-240, or 7, or 1-10,20-30")
+        first, last = int(match[1]), int(match[2] or match[1])
+        if first > last:
+            raise InputError(f"--frames {text[:60]}: {first} comes after {last}")
+        yield first, last
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,7 @@ class FrameFiles:
         name = self.pattern.name
         if self.pattern.suffix.lower() != ".exr":
             raise InputError(f"-o {self.pattern}: '{self.pattern.suffix}' is not allowed; frames are .exr files")
-        if len(re.findall(f"{MARK}+", name)) != 1 or MARK in str(self.pattern.parent):
+        if not is_pattern(name) or MARK in str(self.pattern.parent):
             raise InputError(
                 f"-o {self.pattern}: the name must have {MARK} for each digit of the frame's number, in one place, as in "
                 f"shot.{MARK * 4}.exr"
@@ -69,5 +74,4 @@ class FrameFiles:
 
     def file(self, frame: int) -> Path:
         """The file of a frame; numbers that need more digits have them."""
-        name = re.sub(f"{MARK}+", lambda marks: f"{frame:0{len(marks[0])}d}", self.pattern.name)
-        return self.pattern.with_name(name)
+        return numbered(self.pattern, frame)

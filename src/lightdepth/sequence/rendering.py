@@ -11,14 +11,19 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightdepth.api import find_camera
+from lightdepth.api import DRAFT_SAMPLES, find_camera
 from lightdepth.errors import InputError
+from lightdepth.film.frame import NUMBER
+from lightdepth.film.layers import Structure
+from lightdepth.images.look import Look
 from lightdepth.images.tonemapping import auto_exposure
-from lightdepth.kernel.start import Device
+from lightdepth.kernel.start import Device, start
 from lightdepth.scene.frames import SceneFrames
-from lightdepth.scene.model import Scene
+from lightdepth.scene.model import CameraView, Scene
 from lightdepth.sequence.claims import EXPIRY, claim_beside, now, take
+from lightdepth.sequence.film_motion import needed_instants
 from lightdepth.sequence.fingerprint import FINGERPRINT, State, fingerprint, frame_seed, state_of
+from lightdepth.sequence.motion_blur import MotionBlur
 from lightdepth.sequence.numbering import FrameFiles
 from lightdepth.session.events import Caution, Done, Event, FrameState, Progress, SequenceProgress
 from lightdepth.session.session import Job, Session
@@ -43,6 +48,8 @@ class SequenceJob:
         layers: to write beside the picture; ``None`` for all.
         exposure: stops by which the PNGs are lighter than the panorama's brightness asks for.
         force: render also what is there.
+        structure: of the files; see :func:`~lightdepth.film.layers.write_frame`.
+        look: of the PNGs; ``None`` is our own tone curve.
         expiry: seconds after which a frame that a process has claimed, and of which nothing is heard, is free again.
     """
 
@@ -52,6 +59,8 @@ class SequenceJob:
     layers: Collection[str] | None = None
     exposure: float = 0.0
     force: bool = False
+    structure: Structure = "multipart"
+    look: Look | None = None
     expiry: float = EXPIRY
 
 
@@ -119,7 +128,8 @@ class SequenceRendering:
                 with claim:
                     state = "delivered"
                     if not self._is_there(number, begun):
-                        _remove_unfinished(file, self._wanted.expiry)
+                        for each in (file, *self._part_files(number)):
+                            _remove_unfinished(each, self._wanted.expiry)
                         self._render(number, file)
                         state = "rendered"
                 taken = True
@@ -142,7 +152,16 @@ class SequenceRendering:
 
     def _state(self, number: int) -> State:
         file = self._wanted.files.file(number)
-        return state_of(file, self._print(number)) if file.exists() else State.MISSING
+        if not all(each.exists() for each in (file, *self._part_files(number))):
+            return State.MISSING
+        return state_of(file, self._print(number))
+
+    def _part_files(self, number: int) -> list[Path]:
+        """Files of views or faces beside that of a frame."""
+        from lightdepth.film.layers import part_path
+
+        parts = find_camera(self._scene(number), self._wanted.job.camera).topology.parts
+        return [part_path(self._wanted.files.file(number), name) for name in parts]
 
     def _is_there(self, number: int, begun: float) -> bool:
         """Whether a frame is there; with ``force``, whether another process has made it since this one began."""
@@ -159,12 +178,39 @@ class SequenceRendering:
                 self._job(scene, number),
                 self._wanted.layers,
                 self._rate,
+                self._wanted.structure,
+                *self._motion(number, scene),
             )
         return self._prints[number]
 
-    def _scene(self, number: int) -> Scene:
+    def _motion(self, number: int, scene: Scene) -> tuple[tuple[float, int] | None, list[tuple[Scene, CameraView]]]:
+        """The shutter, and the scene where it opens and closes: what moves in between begins or ends elsewhere."""
+        sequence, most = self._frames.sequence, self._most_instants(scene)
+        if most == 1:
+            return None, []
+        scenes = [self._scene(number, number + side * sequence.shutter) for side in (-0.5, 0.5)]
+        return (sequence.shutter, most), [(each, find_camera(each, self._wanted.job.camera)) for each in scenes]
+
+    def _instants(self, number: int, scene: Scene) -> int:
+        """Instants of a frame: as many as its motion needs."""
+        _, motion = self._motion(number, scene)
+        if not motion:
+            return 1
+        view = find_camera(scene, self._wanted.job.camera)
+        (opened, opened_view), (closed, closed_view) = motion
+        start(self._device)
+        views = opened_view, view, closed_view
+        return needed_instants((opened, scene, closed), views, self._most_instants(scene))
+
+    def _most_instants(self, scene: Scene) -> int:
+        """No more than a pixel has samples."""
+        sequence, job = self._frames.sequence, self._wanted.job
+        samples = job.samples or (DRAFT_SAMPLES if job.draft else scene.render.samples)
+        return min(sequence.instants, samples) if sequence.shutter > 0.0 else 1
+
+    def _scene(self, number: int, instant: float | None = None) -> Scene:
         with _naming(number):
-            return self._frames.scene(number)
+            return self._frames.scene(number if instant is None else instant)
 
     def _job(self, scene: Scene, number: int) -> Job:
         seed = scene.render.seed if self._wanted.job.seed is None else self._wanted.job.seed
@@ -173,12 +219,18 @@ class SequenceRendering:
     def _render(self, number: int, file: Path) -> None:
         self._tell(number)
         scene = self._scene(number)
-        facts = {FINGERPRINT: self._print(number), "frame": str(number)}
-        display = _FrameDisplay(file, facts, self._rate, self._wanted.layers, self._shown_at() + self._wanted.exposure)
-        session = Session(scene, self._device)
-        session.display(display)
-        session.on(lambda event: self._of_frame(number, event))
+        facts = {FINGERPRINT: self._print(number), NUMBER: str(number)}
+        exposure = self._shown_at() + self._wanted.exposure
+        display = _FrameDisplay(file, facts, self._rate, exposure, self._wanted)
+        instants = self._frames.sequence.opened(number, self._instants(number, scene))
+        blurred = MotionBlur([self._scene(number, instant) for instant in instants], self._job(scene, number))
         with _naming(number):
+            if blurred.moves:
+                blurred.render(display, self._device, lambda event: self._of_frame(number, event))
+                return
+            session = Session(scene, self._device)
+            session.display(display)
+            session.on(lambda event: self._of_frame(number, event))
             session.run(self._job(scene, number))
 
     def _shown_at(self) -> float:
@@ -215,19 +267,25 @@ class _FrameDisplay:
     """A frame of a sequence as files: the PNG first, so that where the EXR file is, all is."""
 
     def __init__(
-        self, file: Path, facts: dict[str, str], rate: Fraction, layers: Collection[str] | None, exposure: float
+        self,
+        file: Path,
+        facts: dict[str, str],
+        rate: Fraction,
+        exposure: float,
+        wanted: SequenceJob,
     ) -> None:
         self.file: Path | None = file
-        self.layers = layers
+        self.layers = wanted.layers
         self._path, self._facts, self._rate, self._exposure = file, facts, rate, exposure
+        self._structure, self._look = wanted.structure, wanted.look
 
     def show(self, frame: Frame, finished: bool) -> None:
         from lightdepth.film.layers import write_frame, write_picture
 
         if finished:
             frame.metadata |= self._facts
-            write_picture(self._path.with_suffix(".png"), frame, self._exposure)
-            write_frame(self._path, frame, self.layers, self._rate)
+            write_picture(self._path.with_suffix(".png"), frame, self._exposure, look=self._look)
+            write_frame(self._path, frame, self.layers, self._rate, self._structure)
 
 
 @contextlib.contextmanager

@@ -10,6 +10,8 @@ from lightdepth.errors import InputError
 
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
+    from lightdepth.film.layers import Structure
+    from lightdepth.images.look import Look
 
 
 class Display(Protocol):
@@ -41,10 +43,12 @@ class ExrDisplay:
     Args:
         file: where to write; its folder is made.
         layers: layers to write beside the finished picture; ``None`` for all.
+        structure: of the file; see :func:`~lightdepth.film.layers.write_frame`.
     """
 
-    def __init__(self, file: Path, layers: Collection[str] | None = None) -> None:
+    def __init__(self, file: Path, layers: Collection[str] | None = None, structure: Structure = "multipart") -> None:
         self.file: Path | None = file
+        self._structure = structure
         self.layers = layers
 
     def show(self, frame: Frame, finished: bool) -> None:
@@ -53,7 +57,7 @@ class ExrDisplay:
 
         assert self.file is not None
         _make_folder(self.file)
-        write_frame(self.file, frame, layers=self.layers if finished else [])
+        write_frame(self.file, frame, layers=self.layers if finished else [], structure=self._structure)
 
 
 class PngDisplay:
@@ -62,12 +66,13 @@ class PngDisplay:
     Args:
         file: where to write; its folder is made.
         exposure: stops by which it is lighter than the panorama's own brightness asks for.
+        look: instead of our own tone curve.
     """
 
-    def __init__(self, file: Path, exposure: float = 0.0) -> None:
+    def __init__(self, file: Path, exposure: float = 0.0, look: Look | None = None) -> None:
         self.file: Path | None = file
         self.layers: Collection[str] | None = ()
-        self._exposure = exposure
+        self._exposure, self._look = exposure, look
 
     def show(self, frame: Frame, finished: bool) -> None:
         """As for every display."""
@@ -75,7 +80,7 @@ class PngDisplay:
 
         assert self.file is not None
         _make_folder(self.file)
-        write_picture(self.file, frame, picture_exposure(frame) + self._exposure)
+        write_picture(self.file, frame, picture_exposure(frame) + self._exposure, look=self._look)
 
 
 class MemoryDisplay:

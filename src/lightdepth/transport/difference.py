@@ -309,14 +309,16 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
         values = []
-        for radiance, pdf, finite in self.place.arriving(ray, hit, distance, wanted):
-            value = self._clamped(radiance * mis_weight(last.pdf, pdf * last.weight_samples), path.depth)
+        arriving = self.place.arriving(ray, hit, distance, wanted)
+        counts = [last.weight_samples, *(mi.Float(1.0) for _ in self.place.suns)]
+        for (radiance, pdf, finite), count, share in zip(arriving, counts, self.place.path_shares, strict=True):
+            value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
             if self.light_tracer is not None:
                 light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
                 # Light tracing needs a vertex between the light and what the camera sees.
                 pdf_ratio = dr.select(path.depth > 1, path.pdf_ratio, 0.0)
                 weight = self.light_tracer.camera_weight(
-                    pdf_ratio, light, finite, pdf, distance, last.point, ray.d, last.pdf
+                    pdf_ratio, light, finite, pdf * share, distance, last.point, ray.d, last.pdf
                 )
                 value *= dr.select(blocked, 1.0, weight)
             values.append(value)

@@ -15,10 +15,14 @@ from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind
+from lightdepth.place.sun import Sun
 from lightdepth.place.support_scattering import SupportScattering
 from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
 from lightdepth.transport.light_tracing import LightTracer
 from lightdepth.transport.sampler import Sampler
+
+UNLIKELY_SUN = 1 / 16
+"""Share of the vertices that test whether a sun is visible, among those where its shadow map finds that it is not."""
 
 
 @dataclass
@@ -47,7 +51,7 @@ class Vertex:
 
 
 class LightSampling:
-    """Samples light at vertices.
+    """Samples light at vertices: of the map or of synthetic emitters, and of declared suns.
 
     Args:
         place: the photographed place.
@@ -90,7 +94,7 @@ class LightSampling:
         weight_samples: mi.Float,
         pdf_ratio: mi.Float,
     ) -> mi.Color3f:
-        """Light sampling at a vertex: of the map, or of synthetic emitters.
+        """Light sampling at a vertex: of the map or of synthetic emitters, and of suns.
 
         Args:
             sampler: random numbers of the paths.
@@ -112,7 +116,7 @@ class LightSampling:
         light = lights.sample(u, active & from_map)
         direction, distance, map_pdf = self._place.toward(light, vertex.point)
         mis_pdf, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * self._parameters.candidates)
-        radiance = light.radiance * gain * self._place.transmittance(light, vertex.point)
+        radiance = light.radiance * gain
         if self._has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
             reference.p, reference.n = vertex.point, mi.Normal3f(vertex.normal)
@@ -130,12 +134,70 @@ class LightSampling:
         value *= radiance * (mis_weight(mis_pdf, scattering_pdf) / dr.maximum(pdf, 1e-20))
         if self._light_tracer is not None:
             camera_weight = self._light_tracer.camera_weight(
-                pdf_ratio, light.position, light.finite, map_pdf, distance, vertex.point, direction, scattering_pdf
+                pdf_ratio,
+                light.position,
+                light.finite,
+                map_pdf * self._place.path_shares[0],
+                distance,
+                vertex.point,
+                direction,
+                scattering_pdf,
             )
             value *= dr.select(vertex.on_synthetic & from_map & ~first, camera_weight, 1.0)
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
         value *= self.visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
-        return dr.select(useful, value, 0.0)
+        value = dr.select(useful, value, 0.0)
+        for sun, share in zip(self._place.suns, self._place.path_shares[1:], strict=True):
+            value += self._sunlight(sun, share, sampler, context, vertex, active, first, pdf_ratio)
+        return value
+
+    def _sunlight(
+        self,
+        sun: Sun,
+        share: float,
+        sampler: Sampler,
+        context: mi.BSDFContext,
+        vertex: Vertex,
+        active: mi.Bool,
+        first: mi.Bool,
+        pdf_ratio: mi.Float,
+    ) -> mi.Color3f:
+        """One light sample of a declared sun, with a shadow ray of its own.
+
+        Whether a sun is visible is nearly the same for all of its samples. One ray for sun and map would be a draw between
+        the two, as noisy as the sun's part and the map's are alike.
+
+        Args:
+            sun: which one.
+            share: of the light paths that are of it.
+            sampler: random numbers of the paths.
+            context: for the BSDFs.
+            vertex: where the paths are.
+            active: which of them take a sample.
+            first: which of them are at their first vertex.
+            pdf_ratio: of the paths up to there.
+        """
+        u, v = sampler.stratified("sun")
+        light = sun.sample(dr.select(first, u, sampler.next_1d(active)), dr.select(first, v, sampler.next_1d(active)))
+        direction = light.position
+        chance = dr.select(sun.may_light(vertex.point), mi.Float(1.0), UNLIKELY_SUN)
+        tried = active & (sampler.next_1d(active) < chance)
+        tried &= ~vertex.in_difference | vertex.support.may_meet_objects(direction)
+        value, scattering_pdf = self.scattering(context, vertex, direction, tried)
+        weight = mis_weight(light.density, scattering_pdf) / (light.density * chance)
+        value *= light.radiance * sun.transmittance(vertex.point) * weight
+        if self._light_tracer is not None:
+            pdf = light.density * share
+            camera_weight = self._light_tracer.camera_weight(
+                pdf_ratio, direction, light.finite, pdf, mi.Float(dr.inf), vertex.point, direction, scattering_pdf
+            )
+            value *= dr.select(vertex.on_synthetic & ~first, camera_weight, 1.0)
+        useful = tried & (dr.max(value) > 0.0)
+        ray = shadow_ray(vertex.point, vertex.normal, direction, mi.Float(dr.inf))
+        passed = self._transmittance(ray, useful)
+        value *= dr.select(vertex.in_difference, passed - 1.0, passed)
+        useful &= dr.max(dr.abs(value)) > 0.0
+        return dr.select(useful & ~sun.blocked(ray, useful), value, 0.0)
 
     def single(self, lights: LightList, u: mi.Float, vertex: Vertex, active: mi.Bool) -> mi.Color3f:
         """Contribution of single light samples of the map, as if each were the only one of its list.
@@ -193,7 +255,6 @@ class LightSampling:
             value, scattering_pdf = self.scattering(context, vertex, direction, active)
             weight = mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20)
             counts = (pdf > 0.0) & (~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction))
-            weight *= self._place.likelihood(light, vertex.point)
             target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
             total += target
             # One random number serves all candidates: rescaled after each decision, it is uniform again.

@@ -158,7 +158,7 @@ class LightTracer:
             pdf_ratio: the factor of the pdf ratio from their first surface; 0 where light tracing cannot find them.
             light: position, world, metres where ``finite``; of sky the direction toward it.
             finite: false for sky.
-            pdf: of light sampling at ``point``, per steradian.
+            pdf: of the sample as light paths begin there, as seen from ``point``, per steradian.
             distance: between ``point`` and light, metres.
             point: on the object, world, metres.
             direction: from there to the light, unit, world.
@@ -195,7 +195,9 @@ class LightTracer:
         """Paths that leave the light toward the objects."""
         count = dr.width(sampler.index)
         stratum = mi.Float(dr.arange(mi.UInt32, count)) + sampler.next_1d()
-        light = lights.sample(stratum / dr.opaque(mi.Float, count), mi.Bool(True))
+        u = stratum / dr.opaque(mi.Float, count)
+        v = sampler.next_1d() if self.place.suns else u
+        light = self.place.sample_light(lights, u, v, self.place.path_shares)
         beams = self.targets.beams(light.position, light.finite)
         origin, direction = beams.sample(sampler.next_1d(), mi.Point2f(sampler.next_1d(), sampler.next_1d()))
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)

@@ -8,7 +8,7 @@ from functools import cache
 import drjit as dr
 import mitsuba as mi
 
-DIMENSIONS = {"film": (0, 1), "light": (2,), "candidate": (3,), "direction": (4, 5, 6), "lens": (7, 8)}
+DIMENSIONS = {"film": (0, 1), "light": (2,), "candidate": (3,), "direction": (4, 5, 6), "lens": (7, 8), "sun": (9, 10)}
 """Dimensions of the sequence by what they are for."""
 POLYNOMIALS = (
     (1, 0, (1,)),
@@ -19,6 +19,8 @@ POLYNOMIALS = (
     (4, 4, (1, 3, 5, 13)),
     (5, 2, (1, 1, 5, 5, 17)),
     (5, 4, (1, 1, 5, 5, 5)),
+    (5, 7, (1, 1, 7, 11, 19)),
+    (5, 11, (1, 1, 5, 1, 1)),
 )
 """Degree, coefficients and initial direction numbers of Sobol's dimensions from 1 on, by Joe and Kuo 2008."""
 BITS = 16

@@ -23,12 +23,14 @@ scene.lightdepth.samples, scene.lightdepth.max_bounces = 2, 3
 scene.frame_start, scene.frame_end = 1, frames
 as_exr(scene, folder / kind, multilayer=True)
 worker = module("worker")
-pids = []
+pids, files = [], []
 
 
 def note(*_):
-    """Which process rendered the frame."""
+    """Which process rendered the frame, and from which files."""
     pids.append(worker._kept.hello["pid"])
+    meshes = module("meshfolder").of_session().path
+    files.append({path.name: path.stat().st_ino for path in meshes.iterdir()})
 
 
 def finish():
@@ -41,7 +43,7 @@ bpy.app.handlers.render_post.append(note)
 if kind == "apart":
     bpy.app.handlers.render_post.append(lambda *_: module("process").end_all())
 bpy.ops.render.render(animation=True)
-found = {"pids": list(pids), "frames": sorted(path.name for path in folder.glob(f"{kind}0*.exr"))}
+found = {"pids": list(pids), "files": list(files), "frames": sorted(path.name for path in folder.glob(f"{kind}0*.exr"))}
 if kind == "apart":
     finish()
 
@@ -94,7 +96,8 @@ found["other version"] = refused(bpy.ops.render.render)
 # Switched off, nothing is left.
 preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
 bpy.ops.render.render()
-left = pids[-1]
+left, scenes = pids[-1], module("meshfolder").of_session().path.parent
+assert scenes.is_dir()
 bpy.ops.preferences.addon_disable(module=MODULE)
-found["left"] = Path(f"/proc/{left}").exists()
+found["left"] = Path(f"/proc/{left}").exists() or scenes.exists()
 finish()

@@ -30,9 +30,13 @@ def whole(name):
     bpy.ops.render.render(write_still=True)
 
 
-layer.use_pass_object_index = True
+layer.use_pass_object_index = layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_asset = True
+layer.pass_cryptomatte_depth = 4
+ball.parent = bpy.data.objects.new("Toys", None)
+scene.collection.objects.link(ball.parent)
+found["ball"] = ball.name
 whole("passes.exr")
-layer.use_pass_object_index = False
+layer.use_pass_object_index = layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_asset = False
 
 # The compositor adds up what the passes say: plate x (1 - coverage) + change + synthetic.
 if hasattr(scene, "compositing_node_group"):
@@ -90,7 +94,26 @@ scene.render.resolution_y = 20
 whole("panorama region.exr")
 scene.render.use_border = False
 whole("pano.exr")
+
+
+# Two eyes, 40 cm apart, and single cameras where they stand.
+def stereo(name, eyes):
+    """Render both eyes, and those that are named by themselves."""
+    scene.render.use_multiview = True  # a file for each eye
+    whole(f"{name}.exr")
+    scene.render.use_multiview = False
+    across = camera.matrix_world.to_3x3().col[0]
+    for eye, side in eyes.items():
+        camera.location += 0.2 * side * across
+        whole(f"{eye}.exr")
+        camera.location -= 0.2 * side * across
+
+
+camera.data.stereo.convergence_mode, camera.data.stereo.interocular_distance = "PARALLEL", 0.4
+camera.data.stereo.use_spherical_stereo, camera.data.stereo.pivot = True, "CENTER"
+stereo("ods", {"ods left": -1, "ods right": 1})
 camera.data.type, scene.render.resolution_y = "PERSP", 30
+stereo("stereo", {"left eye": -1})
 
 # A second view layer that does not have the ball.
 other = scene.view_layers.new("Without")

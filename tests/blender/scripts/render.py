@@ -89,9 +89,6 @@ preferences.command = str(folder / "garbage.txt")
 (folder / "garbage.txt").write_text("no program")
 found["no program"] = refused(bpy.ops.render.render)
 preferences.command = os.environ["LIGHTDEPTH_RENDERER"]
-scene.render.use_multiview = True
-found["stereoscopy"] = refused(bpy.ops.render.render)
-scene.render.use_multiview = False
 bpy.ops.lightdepth.test_renderer()
 found["doctor"] = [line.text for line in preferences.answer]
 found["left hanging"] = [pid for pid in (folder / "hanging.pids").read_text().split() if is_running(pid)]

@@ -2,5 +2,6 @@
 
 from lightdepth.scene.animation.document import Animation
 from lightdepth.scene.animation.sequence import SequenceTable
+from lightdepth.scene.animation.shown import AnimationTable, ShownAnimation
 
-__all__ = ["Animation", "SequenceTable"]
+__all__ = ["Animation", "AnimationTable", "SequenceTable", "ShownAnimation"]

@@ -24,6 +24,7 @@ ANIMATED: dict[str, tuple[str, ...]] = {
         "aperture",
         "focus_distance",
         "shift",
+        "tilt",
         "interocular_distance",
         "convergence_distance",
     ),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 from lightdepth.errors import InputError, warn
 from lightdepth.files import is_file
 from lightdepth.scene.meshes.geometry import checked
-from lightdepth.scene.meshes.gltf import read_gltf
+from lightdepth.scene.meshes.gltf import GltfReader, read_gltf
 from lightdepth.scene.meshes.obj import read_obj
 from lightdepth.scene.meshes.part import MeshPart, Note
 from lightdepth.scene.meshes.ply import read_ply
@@ -41,11 +42,58 @@ def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) ->
     Raises:
         InputError: the file is missing, of an unknown format, unreadable, empty, or has broken vertices or faces.
     """
+    reader = _reader(path)
+    with _named(path):
+        parts = reader(path, with_materials, _noting(path))
+    return _checked(path, parts, keep_flat)
+
+
+class AnimatedMesh:
+    """A mesh file in one pose of its animation after the other; what does not move is read once.
+
+    Args:
+        path: a glTF file.
+        with_materials: read the materials, too.
+
+    Raises:
+        InputError: as for :func:`read_mesh_file`, or files of this format have no animations.
+    """
+
+    def __init__(self, path: Path, with_materials: bool) -> None:
+        if _reader(path) is not read_gltf:
+            allowed = ", ".join(suffix for suffix, reader in READERS.items() if reader is read_gltf)
+            raise InputError(f"{path}: '{path.suffix}' files have no animations; allowed are {allowed}")
+        self._path = path
+        with _named(path):
+            self._file = GltfReader(path, with_materials, _noting(path))
+
+    def parts(self, animation: str, time: float, loop: bool) -> list[MeshPart]:
+        """The file's parts, as :func:`read_mesh_file` gives them, at a time of an animation.
+
+        Args:
+            animation: its name.
+            time: in it, seconds.
+            loop: begin again where it ends.
+
+        Raises:
+            InputError: as for :func:`read_mesh_file`, or there is no such animation.
+        """
+        with _named(self._path):
+            parts = self._file.parts(animation, time, loop)
+        return _checked(self._path, parts)
+
+
+def _reader(path: Path) -> Callable[[Path, bool, Note], list[MeshPart]]:
     if not is_file(path):
         raise InputError(f"{path}: no such file")
     reader = READERS.get(path.suffix.lower())
     if reader is None:
         raise InputError(f"{path}: '{path.suffix}' is not a mesh format; allowed are {', '.join(READERS)}")
+    return reader
+
+
+def _noting(path: Path) -> Note:
+    """Warns of each thing once."""
     noted: set[str] = set()
 
     def note_once(message: str) -> None:
@@ -53,11 +101,20 @@ def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) ->
             noted.add(message)
             warn(f"{path}: {message}")
 
+    return note_once
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """A file that cannot be read in here is named."""
     try:
-        with np.errstate(over="ignore", invalid="ignore"):  # What is not finite is found below.
-            parts = reader(path, with_materials, note_once)
+        with np.errstate(over="ignore", invalid="ignore"):  # What is not finite is found by ``_checked``.
+            yield
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+
+
+def _checked(path: Path, parts: list[MeshPart], keep_flat: bool = False) -> list[MeshPart]:
     if not parts:
         raise InputError(f"{path}: the mesh has no triangles")
     try:
@@ -66,4 +123,4 @@ def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) ->
         raise InputError(f"{path}: {error}") from error
 
 
-__all__ = ["READERS", "MeshPart", "read_mesh_file"]
+__all__ = ["READERS", "AnimatedMesh", "MeshPart", "read_mesh_file"]

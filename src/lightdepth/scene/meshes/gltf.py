@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lightdepth.errors import InputError
 from lightdepth.scene.meshes.geometry import is_closed, transformed
 from lightdepth.scene.meshes.gltf_accessors import GltfAccessors
+from lightdepth.scene.meshes.gltf_animation import GltfAnimation
 from lightdepth.scene.meshes.gltf_extensions import left_out_extensions
 from lightdepth.scene.meshes.gltf_file import GltfFile
 from lightdepth.scene.meshes.gltf_material import GltfMaterials
@@ -35,32 +36,55 @@ def read_gltf(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
     Raises:
         InputError: the file is broken, incomplete, or needs an extension that is not supported.
     """
-    return _Reader(GltfFile(path), with_materials, note).parts()
+    return GltfReader(path, with_materials, note).parts()
 
 
-class _Reader:
-    """Reads one file."""
+class GltfReader:
+    """Reads one file, in one pose after the other; what does not move is decoded once.
 
-    def __init__(self, file: GltfFile, with_materials: bool, note: Note) -> None:
-        self._file = file
+    Args:
+        path: the file.
+        with_materials: read the materials, too.
+        note: called with what is left out.
+
+    Raises:
+        InputError: as for :func:`read_gltf`.
+    """
+
+    def __init__(self, path: Path, with_materials: bool, note: Note) -> None:
+        self._file = GltfFile(path)
         self._note = note
-        self._accessors = GltfAccessors(file)
-        self._nodes = GltfNodes(file)
-        self._materials = GltfMaterials(file, note) if with_materials else None
+        self._accessors = GltfAccessors(self._file)
+        self._nodes = GltfNodes(self._file)
+        self._materials = GltfMaterials(self._file, note) if with_materials else None
         self._primitives: dict[tuple[int, int], GltfPrimitive] = {}
+        self._animations: dict[str, GltfAnimation] = {}
 
-    def parts(self) -> list[MeshPart]:
-        """All that is shown."""
+    def parts(self, animation: str | None = None, time: float = 0.0, loop: bool = False) -> list[MeshPart]:
+        """All that is shown.
+
+        Args:
+            animation: name of the animation, or its number; ``None`` for the pose without.
+            time: in the animation, seconds.
+            loop: begin the animation again where it ends.
+
+        Raises:
+            InputError: the file is broken, or has no such animation.
+        """
         header = self._file.header
         for message in left_out_extensions(header.extensions_used if self._materials is not None else ()):
             self._note(message)
-        if header.animations:
+        if animation is not None:
+            if animation not in self._animations:
+                self._animations[animation] = GltfAnimation(self._file, self._accessors, animation, self._note)
+            self._nodes = GltfNodes(self._file, self._animations[animation].nodes_at(time, loop))
+        elif header.animations:
             self._note("its animation is left out; the pose is the one without it")
         if len(header.scenes) > 1:
             self._note(f"has {len(header.scenes)} scenes, of which number {header.scene or 0} is shown")
         parts = []
         for number, world in self._nodes.shown.items():
-            node = header.nodes[number]
+            node = self._nodes.entries[number]
             if node.mesh is None:
                 continue
             mesh = self._file.entry(header.meshes, node.mesh, "mesh")
@@ -96,7 +120,7 @@ class _Reader:
 
     def _instances(self, number: int, world: NDArray[np.float64], base: Decoded) -> Mesh:
         """A primitive in its node's place, or in all those of its instances, as one mesh."""
-        instances = instance_matrices(self._file, self._accessors, self._file.header.nodes[number])
+        instances = instance_matrices(self._file, self._accessors, self._nodes.entries[number])
         mesh = _mesh(base)
         if instances is None:
             return transformed(mesh, Y_UP_TO_Z_UP @ world)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,17 +16,23 @@ Matrix = NDArray[np.float64]
 
 
 class GltfNodes:
-    """The nodes of one file.
+    """The nodes of one file, in one pose.
+
+    Args:
+        file: the file.
+        entries: its nodes, moved by an animation; by default as the file has them.
 
     Attributes:
+        entries: the nodes.
         shown: world matrix of each node of the scene that is visible, in depth-first order, by its number.
     """
 
-    def __init__(self, file: GltfFile) -> None:
+    def __init__(self, file: GltfFile, entries: Sequence[Node] | None = None) -> None:
         self._file = file
         header = file.header
-        children = {child for node in header.nodes for child in node.children}
-        self._forest_roots = [n for n in range(len(header.nodes)) if n not in children]
+        self.entries = header.nodes if entries is None else entries
+        children = {child for node in self.entries for child in node.children}
+        self._forest_roots = [n for n in range(len(self.entries)) if n not in children]
         if header.scenes:
             number = header.scene or 0
             roots = file.entry(header.scenes, number, "scene").nodes
@@ -40,7 +48,7 @@ class GltfNodes:
         Raises:
             InputError: there is no such node.
         """
-        self._file.entry(self._file.header.nodes, number, "node")
+        self._file.entry(self.entries, number, "node")
         if number not in self._worlds:
             self._walk([root for root in self._forest_roots if root not in self._worlds], shown=False)
         if number not in self._worlds:
@@ -52,7 +60,7 @@ class GltfNodes:
         waiting = [(root, np.eye(4), shown) for root in reversed(roots)]
         while waiting:
             number, parent, visible = waiting.pop()
-            node = self._file.entry(self._file.header.nodes, number, "node")
+            node = self._file.entry(self.entries, number, "node")
             if number in self._worlds:
                 raise InputError(f"{self._file.path}: node {number} is the child of two nodes, or its own ancestor")
             world = self._worlds[number] = parent @ local_matrix(node)

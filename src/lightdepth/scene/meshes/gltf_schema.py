@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic.alias_generators import to_camel
@@ -284,8 +284,10 @@ class NodeExtensions(Named):
 class Node(Part):
     """A place in the scene."""
 
+    name: Name = ""
     children: list[Index] = []
     mesh: Index | None = None
+    camera: Index | None = None
     skin: Index | None = None
     weights: list[Number] | None = None
     matrix: Matrix | None = None
@@ -347,6 +349,51 @@ class Sampler(Part):
     wrap_t: int = 10497
 
 
+class ChannelTarget(Part):
+    """What a channel of an animation moves."""
+
+    node: Index | None = None
+    path: str
+
+
+class Channel(Part):
+    """A sampler and what it moves."""
+
+    sampler: Index
+    target: ChannelTarget
+
+
+class AnimationSampler(Part):
+    """Times, values, and what is between them."""
+
+    input: Index
+    output: Index
+    interpolation: str = "LINEAR"
+
+
+class AnimationEntry(Part):
+    """An animation."""
+
+    name: Name = ""
+    channels: list[Channel] = []
+    samplers: list[AnimationSampler] = []
+
+
+class PerspectiveEntry(Part):
+    """The film of a perspective camera."""
+
+    yfov: Annotated[Number, Field(gt=0.0)]
+    aspect_ratio: Annotated[Number, Field(gt=0.0)] | None = None
+
+
+class CameraEntry(Part):
+    """A camera."""
+
+    name: Name = ""
+    type: str
+    perspective: PerspectiveEntry | None = None
+
+
 class Asset(Part):
     """Which glTF it is."""
 
@@ -372,6 +419,12 @@ class Header(Part):
     buffer_views: list[BufferView] = []
     buffers: list[Buffer] = []
     animations: list[Any] = []
+    """Checked where one is shown, see :func:`checked_part`."""
+    cameras: list[Any] = []
+    """Likewise."""
+
+
+Checked = TypeVar("Checked", bound=Part)
 
 
 def checked_header(document: Any) -> Header:
@@ -380,11 +433,26 @@ def checked_header(document: Any) -> Header:
     Raises:
         ValueError: something in it is not what glTF allows; the message has the place and what is needed.
     """
+    return checked_part(Header, document)
+
+
+def checked_part(kind: type[Checked], document: Any, within: str = "") -> Checked:
+    """A part of the JSON as checked data.
+
+    Args:
+        kind: what it must be.
+        document: the part.
+        within: its place in the file.
+
+    Raises:
+        ValueError: as for :func:`checked_header`.
+    """
     try:
-        return Header.model_validate(document)
+        return kind.model_validate(document)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
-        place = "".join(f"[{piece}]" if isinstance(piece, int) else f".{piece}" for piece in first["loc"]).lstrip(".")
+        place = "".join(f"[{piece}]" if isinstance(piece, int) else f".{piece}" for piece in first["loc"])
+        place = (within + place).lstrip(".")
         message = first["msg"].replace("Input should", "must").replace("Field required", "is missing")
         message = re.sub(r"a valid dictionary( or instance of \w+)?", "an object", message)
         raise ValueError(f"{place or 'its JSON'}: {message[:1].lower() + message[1:]}") from error

@@ -1,4 +1,4 @@
-"""Skins of glTF: vertices moved by their joints, in the pose that the file shows without animation."""
+"""Skins of glTF: vertices moved by their joints, in the pose that the nodes have."""
 
 from __future__ import annotations
 

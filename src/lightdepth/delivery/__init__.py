@@ -1,0 +1,1 @@
+"""Delivery: finished frames as domes, headsets, players and browsers want them."""

@@ -1,0 +1,138 @@
+"""A frame with motion blur: rendered at several instants while the shutter is open, and their mean."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lightdepth.api import find_camera
+from lightdepth.kernel.start import Device
+from lightdepth.packages import require_package
+from lightdepth.scene.identity import scene_digest, view_digest
+from lightdepth.scene.model import Scene
+from lightdepth.sequence.fingerprint import frame_seed
+from lightdepth.session.displays import Display
+from lightdepth.session.events import Event, Picture, Progress, Stage
+from lightdepth.session.session import Job, Session
+
+if TYPE_CHECKING:
+    from lightdepth.film.frame import Frame
+    from lightdepth.film.shutter import ShutterMean
+
+
+@dataclass(frozen=True)
+class Instant:
+    """Instants that are alike.
+
+    Attributes:
+        scene: as it is then.
+        share: of the time that the shutter is open.
+    """
+
+    scene: Scene
+    share: float
+
+
+class MotionBlur:
+    """A frame that is the mean of several instants.
+
+    Args:
+        scenes: at the instants, in order, which divide the time evenly.
+        job: of the frame; its samples and its noise are those of the whole.
+    """
+
+    def __init__(self, scenes: Sequence[Scene], job: Job) -> None:
+        self._job = job
+        found: dict[str, Instant] = {}
+        for scene in scenes:
+            key = f"{scene_digest(scene)} {view_digest(find_camera(scene, job.camera))}"
+            known = found.get(key, Instant(scene, 0.0))
+            found[key] = replace(known, share=known.share + 1.0 / len(scenes))
+        self.instants = list(found.values())
+
+    @property
+    def moves(self) -> bool:
+        """Whether anything moves while the shutter is open."""
+        return len(self.instants) > 1
+
+    def render(self, display: Display, device: Device, report: Callable[[Event], None]) -> None:
+        """Render all instants and show the frame.
+
+        Args:
+            display: shows it, finished.
+            device: ``auto``, ``cpu`` or ``cuda``.
+            report: is given the events, with the progress of the whole.
+
+        Raises:
+            InputError, SetupError: as for a still.
+        """
+        from lightdepth.film.shutter import ShutterMean
+
+        if self._job.denoise:  # Before the work, not after it.
+            require_package("mitsuba_oidn", "denoise")
+        mean = ShutterMean(middle=len(self.instants) // 2)
+        done = 0.0
+        for number, instant in enumerate(self.instants):
+            session = Session(instant.scene, device)
+            layers = None if self._job.denoise else display.layers
+            session.display(_Collecting(mean, instant.share, layers))
+            session.on(_part_of_all(report, done, instant.share))
+            session.run(self._part(number, instant))
+            done += instant.share
+        frame = mean.frame()
+        frame.metadata["instants"] = str(len(self.instants))
+        if self._job.seed is not None:
+            frame.metadata["seed"] = str(self._job.seed)
+        if self._job.denoise:
+            from lightdepth.film.denoising import denoise
+
+            report(Stage("denoising"))
+            frame = denoise(frame, self.instants[0].scene.render.parameters.denoising)
+        report(Stage("writing"))
+        display.show(frame, finished=True)
+        report(Picture(None if display.file is None else str(display.file), finished=True))
+
+    def _part(self, number: int, instant: Instant) -> Job:
+        """The job of an instant: its share of the samples; more noise, of which the mean leaves as much as is wanted."""
+        job, settings = self._job, instant.scene.render
+        samples = job.samples or settings.samples
+        noise = job.noise or settings.noise
+        seed = settings.seed if job.seed is None else job.seed
+        if noise is not None:
+            noise /= math.sqrt(sum(each.share**2 for each in self.instants))
+        return replace(
+            job,
+            samples=max(round(samples * instant.share), 1),
+            noise=noise,
+            seed=frame_seed(seed, number),
+            denoise=False,
+        )
+
+
+class _Collecting:
+    """Takes the finished frame of an instant into the mean."""
+
+    file: Path | None = None
+
+    def __init__(self, mean: ShutterMean, share: float, layers: Collection[str] | None) -> None:
+        self.layers = layers
+        self._mean, self._share = mean, share
+
+    def show(self, frame: Frame, finished: bool) -> None:
+        if finished:
+            self._mean.add(frame, self._share)
+
+
+def _part_of_all(report: Callable[[Event], None], done: float, share: float) -> Callable[[Event], None]:
+    """Passes on the events of an instant, its progress as a part of the whole."""
+
+    def passed(event: Event) -> None:
+        if isinstance(event, Progress):
+            report(replace(event, fraction=round(done + share * event.fraction, 5)))
+        elif not isinstance(event, Picture):
+            report(event)
+
+    return passed
