@@ -100,13 +100,12 @@ class Box:
     def irradiance(self, normals: np.ndarray) -> np.ndarray:
         """Of surfaces in the middle."""
         directions = pixel_directions(64, 128)
-        light = self.look(np.zeros_like(directions), directions) - self.sun * (
-            directions @ np.array(self.sun_direction) > np.cos(np.radians(self.sun_radius))
-        )[..., None] * np.ones(3)
-        weight = pixel_solid_angles(64, 128)[:, None, None] * light
+        weight = pixel_solid_angles(64, 128)[:, None, None] * look_up(self.panorama, directions)
+        cosine = np.maximum(np.tensordot(pixel_directions(32, 64), directions, axes=(2, 2)), 0.0)
+        ambient = np.tensordot(cosine, weight, axes=((2, 3), (0, 1)))
         sun = self.sun * np.pi * np.sin(np.radians(self.sun_radius)) ** 2
-        cosine = np.maximum(normals @ directions.reshape(-1, 3).T, 0.0)
-        return cosine @ weight.reshape(-1, 3) + sun * np.maximum(normals @ np.array(self.sun_direction), 0.0)[..., None]
+        facing = np.maximum(normals @ np.array(self.sun_direction), 0.0)
+        return look_up(ambient, normals[None])[0] + sun * facing[..., None]
 
 
 def fresnel(cosine: np.ndarray) -> np.ndarray:
@@ -146,7 +145,8 @@ def computed_photograph(
         point = position + rays[hit] * (along[hit] - np.sqrt(inside[hit]))[:, None]
         normal = (point - centre) / radius
         if grey:
-            light[hit] = ALBEDO / np.pi * box.irradiance(normal)
+            parts = np.array_split(normal, 1 + len(normal) // 30000)
+            light[hit] = ALBEDO / np.pi * np.concatenate([box.irradiance(part) for part in parts])
         else:
             mirrored = rays[hit] - 2.0 * (rays[hit] * normal).sum(axis=-1, keepdims=True) * normal
             light[hit] = fresnel(-(rays[hit] * normal).sum(axis=-1))[:, None] * box.look(point, mirrored)

@@ -75,7 +75,7 @@ def mirror_ball(
     sun_diameter: Annotated[
         float | None,
         typer.Option(
-            min=0.01, max=30.0, help="The largest clipped source is a disc of so many degrees: 0.53 for the sun."
+            min=0.01, max=30.0, help="The strongest clipped source is a disc of so many degrees: 0.53 for the sun."
         ),
     ] = None,
     write: Annotated[
@@ -147,7 +147,7 @@ def mirror_ball(
         balls = []
         for index, (each, outline) in enumerate(zip(pictures, given, strict=True)):
             if outline == "auto":
-                view = find_ball(each.name, each.radiance, optics)
+                view = find_ball(each.name, each.radiance, optics, reflects)
             else:
                 view = outline_given(each, outline, optics, "--circle")
                 check_inside(each.name, view)

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from lightdepth.capture.fisheye import Circle, circle_through
+from lightdepth.capture.fisheye import Circle
 from lightdepth.capture.mirror_ball.geometry import BallView, view_from_circle, view_from_cone
+from lightdepth.capture.mirror_ball.rim import sharpened
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
 
@@ -28,11 +29,6 @@ LEAST_EDGE = 0.03
 """Step that counts as an edge of the outline, if there is a lesser one just outside."""
 LEAST_SHARE = 0.65
 """Share of the outline that must be an edge."""
-AT_OUTLINE = 0.3
-"""Share of the step to the outermost pixels that is done at the outline: a half if the ball were evenly bright, less as
-what it mirrors becomes like its background there."""
-BESIDE = 3.5
-"""Pixels on both sides of the outline that are looked at for its last fraction of a pixel."""
 BEYOND = 2.5
 """Widths of a step outside the outline, at which the photograph is compared with it."""
 
@@ -54,7 +50,7 @@ class Optics:
         return view_from_circle(name, width, height, circle, self.focal_length, self.distance)
 
 
-def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics) -> BallView:
+def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics, reflectance: FloatArray) -> BallView:
     """Find the ball's outline.
 
     Circles that edges suggest are rated by how much of their outline is an edge, compared with what is
@@ -64,6 +60,7 @@ def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics) -> BallV
         name: of the photograph, for messages.
         radiance: linear RGB, shape (height, width, 3).
         optics: the camera's.
+        reflectance: of the ball at normal incidence, shape (3,).
 
     Raises:
         InputError: there is no ball, or it is cut off by the photograph's frame.
@@ -80,8 +77,7 @@ def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics) -> BallV
     promising.sort(key=lambda each: -each[0])
     best: tuple[float, BallView] | None = None
     for _, view in promising[:FITTED]:
-        for step in (0.06, 0.02):
-            view = _fitted(tones, view, optics, name, step)
+        view = _fitted(tones, view, optics, name, 0.06)
         rating = _edge_strength(tones, view, 0.015)
         if best is None or rating > best[0]:
             best = rating, view
@@ -90,9 +86,10 @@ def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics) -> BallV
             f"{name}: no mirror ball was found: no circle in it has an edge almost all around; the ball must lie "
             "within the frame, before what differs from it, or state its circle as --circle x,y,r in pixels"
         )
-    view = _fitted(tones, best[1], optics, name, 0.01)
-    for _ in range(3):
-        view = _sharpened(radiance, view, optics, name)
+    view = _fitted(tones, best[1], optics, name, 0.02)
+    view = sharpened(radiance, view, reflectance)
+    if optics.focal_length is None:
+        view = optics.view(name, width, height, view.circle())
     check_inside(name, view)
     return view
 
@@ -177,52 +174,8 @@ def _fitted(tones: NDArray[np.float32], view: BallView, optics: Optics, name: st
 
     start = np.concatenate([np.zeros((1, 3)), 0.7 * np.eye(3)])
     found = minimize(cost, np.zeros(3), method="Nelder-Mead", options={"initial_simplex": start, "xatol": 0.01,
-                     "fatol": 1e-5, "maxiter": 120})  # fmt: skip
+                     "fatol": 1e-5, "maxiter": 60})  # fmt: skip
     return moved(found.x)
-
-
-def _sharpened(radiance: NDArray[np.float32], view: BallView, optics: Optics, name: str) -> BallView:
-    """The outline to a fraction of a pixel: where, coming from outside, a part of the step to the outermost pixels is done.
-
-    What the ball mirrors becomes like its background toward the outline, so that the steepest step lies within it.
-    """
-    pixel = 1.0 / view.circle().radius
-    reach = np.arange(BESIDE, -BESIDE - 0.01, -0.25)
-    light = radiance.mean(axis=2)
-    profile = np.stack([_look(light, *view.outline(1.0 + by * pixel)) for by in reach], axis=-1)
-    outside = profile[:, reach >= 2.0].mean(axis=1, keepdims=True)
-    inside = profile[:, (reach <= -0.75) & (reach >= -1.5)].mean(axis=1, keepdims=True)
-    step = inside - outside
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (profile - outside) / step
-    clear = np.isfinite(share).all(axis=1) & (np.abs(step) > LEAST_EDGE * (inside + outside))[:, 0]
-    after = np.argmax(share >= AT_OUTLINE, axis=1)
-    clear &= (share.max(axis=1, initial=0.0) > AT_OUTLINE) & (after > 0)
-    rows = np.flatnonzero(clear)
-    if len(rows) < 0.2 * len(clear):
-        return view
-    last, first = share[rows, after[rows]], share[rows, after[rows] - 1]
-    position = reach[after[rows]] + 0.25 * (last - AT_OUTLINE) / np.maximum(last - first, 1e-9)
-    x, y = _at(view, 1.0 + pixel * position, rows)
-    kept = np.ones(len(rows), bool)
-    for _ in range(4):
-        if optics.focal_length is not None:
-            view = view_from_cone(name, view.width, view.height, optics.focal_length, x[kept], y[kept])
-        else:
-            circle = circle_through(np.stack([x[kept], y[kept]], axis=-1))
-            view = optics.view(name, view.width, view.height, circle)
-        circle = view.circle()
-        off = np.hypot(x - circle.x, y - circle.y) - circle.radius
-        kept = np.abs(off) <= max(2.5 * 1.4826 * float(np.median(np.abs(off[kept]))), 0.1)
-    return view
-
-
-def _at(view: BallView, scale: FloatArray, rows: NDArray[np.intp]) -> tuple[FloatArray, FloatArray]:
-    """Pixel coordinates of some of the outline's points, each with its own scale of the cone's angle."""
-    x, y = view.outline()
-    outer_x, outer_y = view.outline(1.01)
-    share = 100.0 * (scale - 1.0)
-    return x[rows] + share * (outer_x - x)[rows], y[rows] + share * (outer_y - y)[rows]
 
 
 def _steps(tones: NDArray[np.float32], view: BallView, width: float, scale: float = 1.0) -> FloatArray:

@@ -70,7 +70,7 @@ class GreyBall:
     """What the grey ball says.
 
     Attributes:
-        sources: those that were clipped, the largest first.
+        sources: those that were clipped, the strongest first.
         disagreement: median relative difference between the ball and what is found to light it.
     """
 
@@ -124,6 +124,7 @@ def recover_from_grey_ball(
         _source(each, directions, solid, radiance, found[index], now[index], errors[index])
         for index, each in enumerate(regions)
     ]
+    sources.sort(key=lambda each: -float(each.irradiance.sum()))
     return GreyBall([each for each in sources if each.gain.max() >= LEAST_GAIN], float(np.median(np.abs(left))))
 
 

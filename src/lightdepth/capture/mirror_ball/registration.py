@@ -65,15 +65,16 @@ def register(first: Ball, other: Ball, turn: float | None = None, place: Place |
     distance = None if place is None else place.distance(directions)
     turns = np.arange(-180.0, 180.0, STEP) if turn is None else turn + np.arange(-AROUND, AROUND + 1.0, STEP)
     coarse = [_blurred(ball, BLURS[0]) for ball in (first, other)]
-    few, far = directions[::4], None if distance is None else distance[::4]
-    wanted = sample(coarse[0], few, far)
+    # The place's parallax is below this blur.
+    few = directions[::6]
+    wanted = sample(coarse[0], few)
     best, rotation = -np.inf, np.eye(3)
     for tilt in TILTS:
         pitch = Rotation.from_euler("x", tilt, degrees=True)
         for each in turns:
             tried = (pitch.inv() * Rotation.from_euler("z", each, degrees=True) * pitch).as_matrix()
             tried = first.rotation @ tried
-            found = sample(replace(coarse[1], rotation=tried), few, far)
+            found = sample(replace(coarse[1], rotation=tried), few)
             rating = _correlation(wanted, found)
             if rating > best:
                 best, rotation = rating, tried

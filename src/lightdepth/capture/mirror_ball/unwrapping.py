@@ -158,7 +158,7 @@ def visible(ball: Ball, place: Place, directions: FloatArray, distance: FloatArr
         distance: of the points from the ball's centre, in radii, shape (n,).
     """
     normals, _, _ = ball.view.mirror(directions @ ball.rotation, distance)
-    known = np.isfinite(normals).all(axis=1)
+    known = np.isfinite(normals[:, 0])
     origins = np.where(known[:, None], normals @ ball.rotation.T, directions)
     way = directions * distance[:, None] - origins
     length = np.linalg.norm(way, axis=1)
