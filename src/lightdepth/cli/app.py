@@ -63,7 +63,11 @@ app.command()(new)
 capture.app.command("mirror-ball")(mirror_ball)
 app.add_typer(capture.app, name="capture")
 app.command()(preview)
-app.add_typer(calibrate, name="calibrate", help="Poses from clicks: of the panorama, or (view) of a photograph.")
+app.add_typer(
+    calibrate,
+    name="calibrate",
+    help="Poses from clicks: of the panorama, of a photograph (view), of a further panorama (second).",
+)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)
