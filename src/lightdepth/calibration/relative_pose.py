@@ -7,7 +7,7 @@ epipolar constraint on spheres, by Sampson's first-order distance). Both kinds a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from lightdepth.errors import InputError
 
 LEAST_PLACED, LEAST_UNPLACED = 4, 8
 """Shared points that are needed: of known place, or otherwise."""
-STARTS = 600
+STARTS = 300
 """Rotations from which the search begins."""
 KEPT = 8
 """Of them, that are refined."""
@@ -27,6 +27,8 @@ CONTRADICTION = 8.0
 """Click errors of the residual beyond which the points contradict each other."""
 BEHIND = 10.0
 """Cost of a point that the rays meet behind a capture point: the mirrored solutions have all of them there."""
+GRAZING = 0.02
+"""Least cosine of a ray with a surface's normal."""
 SAMPLES = 2000
 """Sets of eight points that are tried where many may be wrong."""
 
@@ -43,6 +45,8 @@ class SharedPoints:
         origin: the first capture point, world, metres, shape (3,).
         click_error: standard deviation, radians.
         baseline: between the two capture points, metres; ``None`` where it is not known.
+        cosine: of the angle at which the first ray meets the surface, shape (n,): places on surfaces seen at
+            a grazing angle are off by more, along the ray. ``None`` takes all as facing.
     """
 
     names: tuple[str, ...]
@@ -52,6 +56,7 @@ class SharedPoints:
     origin: FloatArray
     click_error: float
     baseline: float | None = None
+    cosine: FloatArray | None = None
 
     @property
     def placed(self) -> NDArray[np.bool_]:
@@ -60,15 +65,13 @@ class SharedPoints:
 
     def some(self, chosen: NDArray) -> SharedPoints:
         """Only the points that an index or a mask chooses."""
-        names = tuple(np.array(self.names)[chosen])
-        return SharedPoints(
-            names,
-            self.first[chosen],
-            self.second[chosen],
-            self.places[chosen],
-            self.origin,
-            self.click_error,
-            self.baseline,
+        return replace(
+            self,
+            names=tuple(np.array(self.names)[chosen]),
+            first=self.first[chosen],
+            second=self.second[chosen],
+            places=self.places[chosen],
+            cosine=None if self.cosine is None else self.cosine[chosen],
         )
 
 
@@ -83,6 +86,7 @@ class RelativePose:
         centimetres: the same where the point is, shape (n,).
         direction_error: expected error of the rotation, degrees, one standard deviation.
         position_error: of the position, metres.
+        misfit: root mean square of the residuals over what the click error makes them.
     """
 
     rotation: FloatArray
@@ -91,6 +95,7 @@ class RelativePose:
     centimetres: FloatArray
     direction_error: float
     position_error: float
+    misfit: float
 
     @property
     def residual(self) -> float:
@@ -107,11 +112,11 @@ def relate(points: SharedPoints) -> RelativePose:
     """
     check_enough(points)
     pose = _solved(points)
-    if pose.residual > CONTRADICTION * points.click_error:
-        better = [(_without(points, number), number) for number in range(len(points.names))]
-        residual, worst = min(better)
+    if pose.misfit > CONTRADICTION:
+        better = [(*_without(points, number), number) for number in range(len(points.names))]
+        misfit, residual, worst = min(better)
         words = ""
-        if residual < 0.4 * pose.residual:
+        if misfit < 0.4 * pose.misfit:
             words = f"; without {points.names[worst]} they agree to {np.degrees(residual):.2f} degrees: look at it"
         raise InputError(
             f"the shared points contradict each other: no pose fits them better than {np.degrees(pose.residual):.2f} "
@@ -120,7 +125,7 @@ def relate(points: SharedPoints) -> RelativePose:
     return pose
 
 
-def relate_robustly(points: SharedPoints, tolerance: float) -> tuple[RelativePose, NDArray[np.bool_]]:
+def relate_robustly(points: SharedPoints, tolerance: float) -> tuple[RelativePose | None, NDArray[np.bool_]]:
     """Find the pose from matches of which many may be wrong (RANSAC with the eight-point algorithm on spheres).
 
     Args:
@@ -128,10 +133,7 @@ def relate_robustly(points: SharedPoints, tolerance: float) -> tuple[RelativePos
         tolerance: residual of a right match, radians.
 
     Returns:
-        The pose from the right matches, and which those are, shape (n,).
-
-    Raises:
-        InputError: there are too few, or nothing gives the scale.
+        The pose from the right matches, ``None`` where they are too few for one, and which those are, shape (n,).
     """
     rng = np.random.default_rng(0)
     count = len(points.names)
@@ -143,13 +145,16 @@ def relate_robustly(points: SharedPoints, tolerance: float) -> tuple[RelativePos
     right = np.abs(_sampson(points.first, points.second, forward, back)) < tolerance
     best = int(np.argmax(right.sum(axis=1)))
     agree = np.asarray(right[best])
+    starts = None
     for _ in range(3):
         kept = points.some(agree)
-        check_enough(kept)
-        pose = _solved(kept, _from_essential(_essential(kept.first[None], kept.second[None])[0], kept))
-        agree = np.abs(_off(points, pose.rotation, pose.position)) < tolerance
-    pose = _solved(points.some(agree), [Rotation.from_matrix(pose.rotation)])
-    return pose, agree
+        if len(kept.names) < LEAST_UNPLACED or (kept.placed.sum() < LEAST_PLACED and points.baseline is None):
+            return None, agree
+        starts = starts or _from_essential(_essential(kept.first[None], kept.second[None])[0])
+        pose = _solved(kept, starts)
+        starts = [Rotation.from_matrix(pose.rotation)]
+        agree = _off(points, pose.rotation, pose.position) < tolerance
+    return _solved(points.some(agree), starts), agree
 
 
 def check_enough(points: SharedPoints) -> None:
@@ -176,12 +181,12 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
     if starts is None:
         starts = list(Rotation.random(STARTS, random_state=0))
         if len(points.names) >= LEAST_UNPLACED:
-            starts += _from_essential(_essential(points.first[None], points.second[None])[0], points)
+            starts += _from_essential(_essential(points.first[None], points.second[None])[0])
     begun = []
     for rotation in starts:
         matrix = rotation.as_matrix()
         for position in _positions(points, matrix):
-            off = _off(points, matrix, position) / points.click_error
+            off = _off(points, matrix, position) / _spread(points, position)
             behind = BEHIND * np.count_nonzero(_behind(points, matrix, position))
             begun.append((float(np.log1p((off / 3.0) ** 2).sum()) + behind, rotation, position))
     begun.sort(key=lambda each: each[0])
@@ -191,11 +196,11 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
 
     best = None
     for _, rotation, position in begun[:KEPT]:
-        weight = 1.0 / _spread(points, position)
+        whiten = _whitening(points, position)
 
-        def errors(vector: FloatArray, rotation: Rotation = rotation, weight: FloatArray = weight) -> FloatArray:
+        def errors(vector: FloatArray, rotation: Rotation = rotation, whiten: FloatArray = whiten) -> FloatArray:
             matrix, place = parts(vector, rotation)
-            off = (_vectors(points, matrix, place) * weight[:, None]).ravel()
+            off = np.einsum("nij,nj->ni", whiten, _vectors(points, matrix, place)).ravel()
             if points.baseline is not None:
                 length = float(np.linalg.norm(place - points.origin))
                 off = np.append(off, 100.0 * np.log(max(length, 1e-9) / points.baseline))
@@ -218,17 +223,23 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
         100.0 * off * away,
         float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))),
         float(np.sqrt(np.trace(covariance[3:, 3:]))),
+        float(
+            np.sqrt(
+                np.mean(np.einsum("nij,nj->ni", _whitening(points, place), _vectors(points, matrix, place)) ** 2) * 3.0
+            )
+        ),
     )
 
 
-def _without(points: SharedPoints, number: int) -> float:
-    """Residual without a point; infinite where too few are left."""
+def _without(points: SharedPoints, number: int) -> tuple[float, float]:
+    """Misfit and residual without a point; infinite where too few are left."""
     rest = points.some(np.arange(len(points.names)) != number)
     try:
         check_enough(rest)
     except InputError:
-        return np.inf
-    return _solved(rest).residual
+        return np.inf, np.inf
+    pose = _solved(rest)
+    return pose.misfit, pose.residual
 
 
 def _vectors(points: SharedPoints, rotation: FloatArray, position: FloatArray) -> FloatArray:
@@ -271,12 +282,32 @@ def _off(points: SharedPoints, rotation: FloatArray, position: FloatArray) -> Fl
     return np.asarray(np.linalg.norm(_vectors(points, rotation, position), axis=1))
 
 
-def _spread(points: SharedPoints, position: FloatArray) -> FloatArray:
-    """Standard deviation of each point's miss, radians: a place is off by the first click, seen from the second point."""
+def _spread(points: SharedPoints, position: FloatArray, along: bool = True) -> FloatArray:
+    """Standard deviation of each point's miss, radians: a place is off by the first click, seen from the second point.
+
+    Args:
+        points: the shared points.
+        position: of the second capture point.
+        along: the first point's ray, on which a grazing surface moves a place far; else across it.
+    """
     near = np.linalg.norm(points.places - points.origin, axis=1)
     far = np.maximum(np.linalg.norm(points.places - position, axis=1), 0.1 * near)
-    share = np.nan_to_num(near / np.maximum(far, 1e-9))
+    facing = 1.0 if points.cosine is None or not along else np.maximum(points.cosine, GRAZING)
+    share = np.nan_to_num(near / np.maximum(far, 1e-9) / facing)
     return points.click_error * np.sqrt(1.0 + share**2)
+
+
+def _whitening(points: SharedPoints, position: FloatArray) -> FloatArray:
+    """Matrices that turn the vectors of :func:`_vectors` into multiples of their standard deviation, shape (n, 3, 3).
+
+    The vectors are axes of rotations: a miss along the first ray turns about the normal of the epipolar plane.
+    """
+    normal = np.cross(points.first, position - points.origin)
+    normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
+    along = normal[:, :, None] * normal[:, None] * points.placed[:, None, None]
+    across = np.eye(3) - along
+    one, other = (_spread(points, position, way)[:, None, None] for way in (True, False))
+    return np.asarray(along / one + across / other)
 
 
 def _positions(points: SharedPoints, rotation: FloatArray) -> list[FloatArray]:
@@ -300,7 +331,7 @@ def _essential(first: FloatArray, second: FloatArray) -> FloatArray:
     return np.asarray(left @ np.diag([1.0, 1.0, 0.0]) @ right)
 
 
-def _from_essential(essential: FloatArray, points: SharedPoints) -> list[Rotation]:
+def _from_essential(essential: FloatArray) -> list[Rotation]:
     """The two rotations that an essential matrix allows."""
     left, _, right = np.linalg.svd(essential)
     left, right = left * np.sign(np.linalg.det(left)), right * np.sign(np.linalg.det(right))

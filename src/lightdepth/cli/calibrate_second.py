@@ -118,7 +118,7 @@ def _clicked(
     from lightdepth.scene.spot import find_spot
 
     first = loaded.panorama
-    names, ones, others, places = [], [], [], []
+    names, ones, others, places, cosines = [], [], [], [], []
     for option, texts in (("--match", matches), ("--floor-match", floor_matches)):
         for number, text in enumerate(texts, start=1):
             name = f"{option} {number}"
@@ -134,14 +134,15 @@ def _clicked(
                 if ray[2] > -0.01 or first.position[2] <= 0.0:
                     raise InputError(f"{name}: {here.strip()} is not below the horizon of the first panorama")
                 places.append(first.position - ray * first.position[2] / ray[2])
+                cosines.append(-float(ray[2]))
             else:
                 spot = find_spot(first, loaded.real, one)
                 places.append(np.full(3, np.nan) if spot is None else spot.point)
+                cosines.append(1.0 if spot is None else abs(float(ray @ spot.normal)))
             names.append(name)
             ones.append(ray)
-    return SharedPoints(
-        tuple(names), np.array(ones), np.array(others), np.array(places), first.position, click_error, baseline
-    )
+    shown = np.array(ones), np.array(others), np.array(places)
+    return SharedPoints(tuple(names), *shown, first.position, click_error, baseline, np.array(cosines))
 
 
 def _by_features(
@@ -174,12 +175,9 @@ def _by_features(
     names = tuple(f"feature {number}" for number in range(1, len(here) + 1))
     points = SharedPoints(names, rays, there, places, first.position, np.radians(0.15), baseline)
     check_enough(points)
-    try:
-        pose, agree = relate_robustly(points, np.radians(tolerance))
-        count = int(agree.sum())
-    except InputError:
-        pose, agree, count = None, None, 0
-    if pose is None or agree is None or count < max(least, share * len(here)):
+    pose, agree = relate_robustly(points, np.radians(tolerance))
+    count = int(agree.sum())
+    if pose is None or count < max(least, share * len(here)):
         raise InputError(
             f"{panorama}: of {len(here)} features that look alike, {count} agree on a pose within {tolerance} degrees; "
             f"{max(least, int(np.ceil(share * len(here))))} are needed, as fewer agree by chance: {advice}"
