@@ -66,7 +66,7 @@ def shutter_of(scene) -> tuple[Shutter | None, list[str]]:
     if not render.use_motion_blur or render.motion_blur_shutter < _EPSILON:
         return None, []
     notes = []
-    if scene.cycles.rolling_shutter_type != "NONE":
+    if cycles(scene, "rolling_shutter_type", "NONE") != "NONE":
         notes.append("Rolling shutter is not carried; the whole picture is exposed at once")
     curve = render.motion_blur_shutter_curve
     curve.initialize()
@@ -74,10 +74,19 @@ def shutter_of(scene) -> tuple[Shutter | None, list[str]]:
         notes.append("The shutter's curve is not carried; it opens and closes at once")
     now, open_for = scene.frame_current + scene.frame_subframe, render.motion_blur_shutter
     opens = now + {"START": 0.0, "CENTER": -0.5, "END": -1.0}[render.motion_blur_position] * open_for
-    steps = 2 ** max((item.cycles.motion_steps for item in scene.objects if item.cycles.use_motion_blur), default=1)
+    steps = 2 ** max((_steps(item) for item in scene.objects), default=1)
     times = tuple(opens + open_for * step / steps for step in range(steps + 1))
     rate = render.fps / render.fps_base
     return Shutter(max(scene.frame_current, 1), min(open_for, 1.0), rate, now, times), notes
+
+
+def cycles(owner, name: str, default: Any) -> Any:
+    """A setting that Blender has for Cycles, or a default where Cycles is switched off."""
+    return getattr(getattr(owner, "cycles", None), name, default)
+
+
+def _steps(item) -> int:
+    return cycles(item, "motion_steps", 1) if cycles(item, "use_motion_blur", True) else 1
 
 
 @dataclass
@@ -104,7 +113,7 @@ class Motion:
             place: its matrix at the frame.
             item: its object.
         """
-        if not item.cycles.use_motion_blur:
+        if not cycles(item, "use_motion_blur", True):
             return None
         found = [places.get(instance) for places in self.places]
         if any(each is None for each in found):  # comes or goes
@@ -251,7 +260,7 @@ def _set(set_frame: SetFrame, time: float) -> None:
 
 
 def _may_deform(item, scene) -> bool:
-    if not (item.cycles.use_motion_blur and item.cycles.use_deform_motion):
+    if not (cycles(item, "use_motion_blur", True) and cycles(item, "use_deform_motion", True)):
         return False
     original = item.original
     made = any(modifier.type in REMADE and modifier.show_render for modifier in original.modifiers)

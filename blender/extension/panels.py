@@ -298,7 +298,10 @@ class ObjectMotionBlurPanel(_Rendering, bpy.types.Panel):
     @classmethod
     def poll(cls, context):
         """The object can be blurred, the engine is lightdepth."""
-        return super().poll(context) and context.object is not None and context.object.type in export.WITH_SURFACE
+        item = context.object
+        return (
+            super().poll(context) and item is not None and item.type in export.WITH_SURFACE and hasattr(item, "cycles")
+        )
 
     def draw_header(self, context):
         self.layout.prop(context.object.cycles, "use_motion_blur", text="")

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from . import exr
+from .evaluation import unexpected
 from .images import from_rec709
 from .process import RendererError
 from .worker import Busy, render
@@ -25,6 +26,8 @@ REST_SECONDS = 0.15
 """Without a change, after which the scene is exported again; and, while changes go on, as many times the export's time."""
 SHARE_OF_EXPORTS = 0.4
 """Of the time, that exports may take while something is moved."""
+PATIENCE = 60.0
+"""Seconds that a picture that is given up has to stop; nobody waits for it but the next one, which needs its place."""
 PICTURE_SECONDS = 0.5
 """Between two pictures of a refinement."""
 
@@ -157,6 +160,9 @@ class Preview:
                 self._done = number
                 if not self._is_given_up(number):
                     self.tell(str(error))
+            except Exception as error:
+                self._done = number
+                self.tell(unexpected(error))
 
     def _render(self, number: int, command: str, stage: Stage) -> bool:
         """Ask for one picture; whether it was finished."""
@@ -173,7 +179,7 @@ class Preview:
                 **stage.request,
             }
             finished = False
-            with contextlib.closing(render(command, request, busy.is_cancelled, lambda _: None)) as events:
+            with contextlib.closing(render(command, request, busy.is_cancelled, lambda _: None, PATIENCE)) as events:
                 for event in events:
                     if event["event"] == "done":
                         finished = not event.get("interrupted")

@@ -113,7 +113,9 @@ class Worker(Process):
             f"Install {COMMAND} and its extension in the same version."
         )
 
-    def render(self, request: dict[str, Any], cancelled: Callable[[], bool]) -> Iterator[dict[str, Any]]:
+    def render(
+        self, request: dict[str, Any], cancelled: Callable[[], bool], patience: float | None = None
+    ) -> Iterator[dict[str, Any]]:
         """Render, and give the events of it; the last is ``done``, unless it did not stop in time when cancelled.
 
         Who gives up in between ends the process: nothing is written any more then.
@@ -121,6 +123,7 @@ class Worker(Process):
         Args:
             request: the request's keys, without ``request`` and ``id``.
             cancelled: whether the picture is no longer wanted, asked now and then. What has been rendered is written.
+            patience: seconds that it then has to stop; ``CANCEL_PATIENCE`` by default.
 
         Raises:
             EndedError: the process has ended.
@@ -135,7 +138,7 @@ class Worker(Process):
             while not complete:
                 if deadline is None and cancelled():
                     self._send(request="cancel", id=name)
-                    deadline = time.monotonic() + CANCEL_PATIENCE
+                    deadline = time.monotonic() + (CANCEL_PATIENCE if patience is None else patience)
                 if deadline is not None and time.monotonic() > deadline:
                     return
                 event = self._next()
@@ -240,7 +243,11 @@ class Busy:
 
 
 def render(
-    command: str, request: dict[str, Any], cancelled: Callable[[], bool], warn: Callable[[str], None]
+    command: str,
+    request: dict[str, Any],
+    cancelled: Callable[[], bool],
+    warn: Callable[[str], None],
+    patience: float | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Render in the process that is kept; where there is none, it is started.
 
@@ -251,6 +258,7 @@ def render(
         request: as for :meth:`Worker.render`.
         cancelled: as for :meth:`Worker.render`.
         warn: called with the reason where the process had to be started again.
+        patience: as for :meth:`Worker.render`.
 
     Raises:
         RendererError: as :meth:`Worker.greet` and :meth:`Worker.render` raise it.
@@ -262,7 +270,7 @@ def render(
             if not worker.greet(cancelled):
                 return
         begun = False
-        events = worker.render(request, cancelled)
+        events = worker.render(request, cancelled, patience)
         try:
             for event in events:
                 begun = True

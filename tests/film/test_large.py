@@ -58,10 +58,11 @@ def test_memory_and_time(tmp_path, way, samples, role):
 
 
 CAMERA = """
-[camera.down]
+[camera.theatre]
 type = "dome_master"
 width = 8192
-rotation = [-70, 0, 0]
+rotation = [-20, 0, 0]
+tilt = 10
 """
 
 
@@ -71,7 +72,7 @@ def test_a_dome_master_of_the_demo(tmp_path):
     shutil.copytree(Path(__file__).parents[2] / "examples/lounge", tmp_path / "lounge")
     scene = tmp_path / "lounge/scene.toml"
     scene.write_text(scene.read_text() + CAMERA)
-    way = COMMAND.replace('"-o"', '"--camera", "down", "-o"')
+    way = COMMAND.replace('"-o"', '"--camera", "theatre", "-o"')
     run = subprocess.run(
         [sys.executable, "-c", RUN.format(way=way), scene, tmp_path / "out.exr", "1"],
         stdout=subprocess.PIPE, text=True, check=True,

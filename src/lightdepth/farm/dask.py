@@ -57,13 +57,16 @@ def run_on_dask(shot: Shot, scheduler: str) -> Generator[ChunkEnd]:
     with closing(_connected(distributed, scheduler)) as client:
         _look_at_workers(client)
         commands = [tuple(shot.arguments(str(shot.scene), frames, str(shot.files.pattern))) for frames in shot.chunks]
-        futures = client.map(render_chunk, commands, key=[f"lightdepth frames {each}" for each in shot.chunks])
-        frames = dict(zip(futures, shot.chunks, strict=True))
+        # With keys of their own, or a shot would be given the results of another one with the same frames.
+        futures = client.map(render_chunk, commands, pure=False)
+        pending = dict(zip(futures, shot.chunks, strict=True))
+        del futures
         try:
-            for future in distributed.as_completed(futures, loop=client.loop):
-                yield ChunkEnd(frames[future], _failure(future))
+            for future in distributed.as_completed(list(pending), loop=client.loop):
+                yield ChunkEnd(pending.pop(future), _failure(future))
+                future.release()  # What is done need not be done again when its worker goes.
         finally:
-            client.cancel(futures)
+            client.cancel(list(pending))
 
 
 def render_chunk(arguments: tuple[str, ...]) -> str | None:

@@ -9,11 +9,12 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.kernel.arrays import aligned_empty
 from lightdepth.kernel.row_bands import bands
-from lightdepth.place.photograph import CLEARLY_BEFORE, DEPTH_TOLERANCE
+from lightdepth.place.photograph import CLEARLY_BEFORE, DEPTH_TOLERANCE, REMOVED_RIM
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 
@@ -48,13 +49,21 @@ class SeenPlate:
         self._pixel_angle = float(np.radians(1.0 / view.camera.pixels_per_degree()))
 
     def _distances(self, surfaces: TracedSurfaces) -> NDArray[np.float32]:
-        """From the camera to what the pixels' centres see, metres, inf for sky, shape (height, width)."""
+        """From the camera to what the pixels' centres see, metres, inf for sky, shape (height, width).
+
+        It is 0 where pixels show what is removed, or lie beside such: they tell nothing of what is behind it.
+        """
         width, height = self.view.resolution
         distances = np.empty((height, width), np.float32)
+        removed = np.zeros((height, width), bool)
         for band in bands(width, height):
             seen = self.view.pixel_rays(band.column, band.row, mi.Point2f(0.5), mi.Point2f(0.5))
             hit = surfaces.first_real(seen.ray, seen.inside, coherent=True)
             distances[band.rows] = dr.select(hit.valid, hit.distance, dr.inf).numpy().reshape(band.shape)
+            if surfaces.has_removed:
+                removed[band.rows] = (hit.kind == int(FaceKind.REMOVED)).numpy().reshape(band.shape)
+        if removed.any():
+            distances[maximum_filter(removed, 2 * REMOVED_RIM + 1)] = 0.0
         return distances
 
     def over(self, photographed: mi.Color3f, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
@@ -80,6 +89,6 @@ class SeenPlate:
         height_above = dr.dot(hit.normal, offset)
         # By the distance from the surface's plane: at grazing angles, depth varies within a pixel.
         beside = dr.abs(distance - pixel.w) * dr.abs(height_above) * dr.rcp(dr.maximum(distance, 1e-20))
-        shows = wanted & (beside <= (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * distance)
+        shows = wanted & (pixel.w > 0.0) & (beside <= (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * distance)
         shows &= height_above * dr.dot(hit.normal, direction) > 0.0
         return dr.select(shows, dr.maximum(mi.Color3f(pixel.x, pixel.y, pixel.z), 0.0), photographed)

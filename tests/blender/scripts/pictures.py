@@ -172,9 +172,6 @@ def holes(scene):
     window.scroll_sidebar(where, 12)
     yield 5 * DRAWN
     window.picture(folder / "holes.png")
-    window.scroll_sidebar(where, 10)
-    yield 5 * DRAWN
-    window.picture(folder / "light.png")
     walls.data = kept
     bpy.data.objects.remove(bpy.data.objects["Holes"])
 

@@ -1,6 +1,7 @@
 """In a window, with the mouse and the keyboard: calibrate, ask the renderer, model, undo, render, stop a rendering."""
 
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -239,10 +240,12 @@ def preview():
         number[0] = live()._preview.picture.number
         yield from drawn()
         yield 0.2
-        x, y = location_3d_to_region_2d(where["region"], view, ball.matrix_world.translation)
-        edge = location_3d_to_region_2d(
-            where["region"], view, ball.matrix_world.translation + 0.3 * view.view_matrix.inverted().col[0].xyz
-        )
+        to_world, centre = view.view_matrix.inverted(), ball.matrix_world.translation
+        outline = 0.3 / math.sqrt(
+            1.0 - (0.3 / (to_world.translation - centre).length) ** 2
+        )  # of a sphere, seen from near
+        x, y = location_3d_to_region_2d(where["region"], view, centre)
+        edge = location_3d_to_region_2d(where["region"], view, centre + outline * to_world.col[0].xyz)
         region, height = where["region"], bpy.context.window_manager.windows[0].height
         pixels = window.screen(folder)[height - region.y - region.height : height - region.y, region.x :]
         pixels = pixels[:, : region.width].astype(float)
