@@ -8,7 +8,7 @@ For both the tables hold running sums along the wall. Five things are evidence:
   hit among the horizontal edges of furniture counts little);
 - a step of colour that stays the same along the edge, apart from the slope of the light;
 - what lies on the two sides of an edge: colours as of the floor at the camera's feet, or of the ceiling overhead;
-- found edges that would point out of the wall they lie on, or stand upright on the ceiling: contradictions, which weigh most;
+- found edges that would point out of their wall, or stand upright on the ceiling: contradictions, which weigh most;
 - whether floor, walls and ceiling have the colours that they should, as areas.
 
 Furniture hides the floor's edges more often than the ceiling's, so that a missing floor edge says less.
