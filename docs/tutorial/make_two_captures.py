@@ -45,6 +45,16 @@ image = "kitchen.exr"
 position = [2.0, 2.6, 1.5]
 rotation = [0, 0, -35]
 """
+CLICKS = (
+    "19,173 = 18,146",
+    "19,93 = 18,115",
+    "272,169 = 18,189",
+    "272,97 = 18,80",
+    "364,154 = 445,153",
+    "364,108 = 445,109",
+    "282,109 = 376,36",
+)
+"""Pixels of room corners and a lamp's in the first and in the second panorama."""
 MASK = 'mask = "kitchen-mask.png"\n'
 REST = """
 [[synthetic]]
@@ -80,6 +90,7 @@ def main() -> None:
     lamps = [part.mesh for part in place.parts if part.radiance is not None]
     real = [RealSurface(part.name, part.mesh, Role.SUPPORT) for part in place.parts if part.radiance is None]
     write_meshes([*real, RealSurface("lamps", _joined(lamps), Role.ENVIRONMENT)], WORK)
+    _relate(real)
     unseen_by_the_first = ("corner wall", "far wall")
     for name, panoramas in (("one", FIRST), ("two", FIRST + SECOND), ("masked", FIRST + SECOND + MASK)):
         tables = [
@@ -90,6 +101,19 @@ def main() -> None:
         _lightdepth("check", f"{name}.toml")
         _lightdepth("render", f"{name}.toml", "--camera", "corner", "--denoise", "-o", f"{name}.exr")
     _write_pictures()
+
+
+def _relate(real: list[RealSurface]) -> None:
+    """Find the second pose by clicks on corners and keep the check picture; the other scene files have the true one."""
+    tables = "".join(_table(each.name, "support") for each in real)
+    (WORK / "related.toml").write_text(FIRST + tables + _table("lamps", "environment"))
+    matches = [word for click in CLICKS for word in ("--match", click)]
+    options = ("--write", "related.toml", "--picture", "check.png")
+    _lightdepth("calibrate", "second", "kitchen.exr", "--scene", "related.toml", *matches, *options)
+    picture = cv2.imread(str(WORK / "check.png"))
+    assert picture is not None
+    small = cv2.resize(picture, (800, 803), interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(HERE / "two-captures-epipolar.jpg"), small, [cv2.IMWRITE_JPEG_QUALITY, 82])
 
 
 def _lightdepth(*arguments: str) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import tomlkit
+from tomlkit.items import InlineTable
 
 from lightdepth.errors import InputError
 from lightdepth.images.writing import whole_file
@@ -62,8 +63,11 @@ def write_further_pose(scene: Path, image: Path, rotation: Sequence[float], posi
         raise InputError(f"{scene}: has no [panorama] table with an image; write one, then calibrate")
     tables = document["panorama"]
     if not isinstance(tables, list):
-        listed = tomlkit.aot()
-        listed.append(tables)
+        listed, table = tomlkit.aot(), tables
+        if isinstance(tables, InlineTable):
+            table = tomlkit.table()
+            table.update(tables)
+        listed.append(table)
         document["panorama"] = tables = listed
     named = [(scene.parent / str(table.get("image"))).resolve() for table in tables]
     if named[0] == image.resolve():
@@ -73,6 +77,8 @@ def write_further_pose(scene: Path, image: Path, rotation: Sequence[float], posi
     else:
         table = tomlkit.table()
         table["image"] = Path(os.path.relpath(image.resolve(), scene.resolve().parent)).as_posix()
+        table["position"], table["rotation"] = _numbers(position), _numbers(rotation)
+        table.add(tomlkit.nl())
         tables.append(table)
     table["position"], table["rotation"] = _numbers(position), _numbers(rotation)
     with whole_file(scene) as temporary:
