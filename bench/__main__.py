@@ -140,6 +140,18 @@ def clipped() -> None:
         _print_table(table)
 
 
+@app.command()
+def boxes(quick: Annotated[bool, typer.Option(help="Only the photographs and six furnished rooms.")] = False) -> None:
+    """Fit the first guess of a room's box to virtual, furnished and photographed rooms; write bench/results/boxes.json."""
+    from bench.boxes import boxes as measure
+    from bench.run import RESULTS
+
+    table = measure(quick, console)
+    if not quick:
+        (RESULTS / "boxes.json").write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n")
+    _print_table(table)
+
+
 def _print_table(table: dict[str, Any]) -> None:
     console.print(f"\n{table['title']}", markup=False)
     for row in [table["head"], *table["rows"]]:

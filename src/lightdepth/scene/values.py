@@ -20,7 +20,15 @@ Vector3 = tuple[Metres, Metres, Metres]
 EulerAngles = tuple[Angle, Angle, Angle]
 Pair = tuple[Number, Number]
 SMALLEST_FACTOR, LARGEST_FACTOR = 1e-15, 1e15
-Factor = Annotated[float, Field(strict=True, ge=SMALLEST_FACTOR, le=LARGEST_FACTOR)]
+
+
+def _in_range(value: float) -> float:
+    if not SMALLEST_FACTOR <= value <= LARGEST_FACTOR:
+        raise ValueError(f"must be from {SMALLEST_FACTOR:g} to {LARGEST_FACTOR:g}")
+    return value
+
+
+Factor = Annotated[float, Field(strict=True, gt=0.0), AfterValidator(_in_range)]
 """What multiplies lengths, or radiance."""
 Radiance = Annotated[float, Field(strict=True, ge=0.0, le=BRIGHTEST)]
 """Of one channel, in the panorama's unit."""

@@ -1,0 +1,317 @@
+"""What one panorama says for and against every wall that a box-shaped room could have there.
+
+All evidence is in tables, so that a box is scored by a few look-ups. A wall at a distance has a floor edge, whose place in
+the picture depends on the distance, and a ceiling edge, whose place depends on the distance over the ceiling's height.
+For both the tables hold running sums along the wall. Five things are evidence:
+
+- straight edges found along the wall's direction, by how rare they are at that elevation in this picture (so that a
+  hit among the horizontal edges of furniture counts little);
+- a step of colour that stays the same along the edge, apart from the slope of the light;
+- what lies on the two sides of an edge: colours as of the floor at the camera's feet, or of the ceiling overhead;
+- found edges that would point out of their wall, or stand upright on the ceiling: contradictions, which weigh most;
+- whether floor, walls and ceiling have the colours that they should, as areas.
+
+Furniture hides the floor's edges more often than the ceiling's, so that a missing floor edge says less.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter, uniform_filter1d
+
+from lightdepth.calibration.room_frame import RoomFrame
+from lightdepth.directions import FloatArray, direction_to_latlong, pixel_directions
+from lightdepth.images.tonemapping import LUMINANCE
+
+HEIGHT = 512
+"""Rows of the maps that are looked up."""
+SPREAD = 0.6
+"""Degrees (standard deviation) that a found edge may be off for it to count partly."""
+LONG = 10.0
+"""Degrees of length from which a found edge counts fully."""
+BESIDE = 1.1
+"""Degrees between the places at which colours are compared."""
+SMALL_DIFFERENCE = 0.025
+"""Differences of colour (natural logarithm) that mean little."""
+ALONG = 15
+"""Degrees along an edge over which its step of colour is compared with itself."""
+CORRELATED = 4.0
+"""Degrees over which evidence counts as one observation."""
+HIDDEN_BELOW, HIDDEN_ABOVE, HIDDEN_UPRIGHT = 0.6, 0.25, 0.5
+"""Probability that an edge of the room is not seen, on the floor, at the ceiling, and upright."""
+VISIBLE = 0.8
+"""Probability that an edge which is seen is found."""
+RAREST = 0.06
+"""Edges are not taken for rarer than this; one that is found by chance must not decide alone."""
+CEILING_WEIGHT, UPRIGHT_WEIGHT = 1.5, 0.5
+ABOVE_HORIZON, BELOW_HORIZON = 1.5, 0.8
+"""Weight of contradictions above and below the horizon, where there is more furniture."""
+ON_CEILING, ON_FLOOR = 0.5, 0.25
+"""Share of a contradiction that an upright edge on the ceiling or on the floor is: a hanging lamp, or a leg of a table."""
+CONTRADICTION, AGREEMENT = np.log(0.05 / 0.33), np.log(0.95 / 0.67)
+OWN, WALLS, BESIDE_FLOOR = 40.0, 30.0, 5.0
+"""Degrees of elevation from which colours are those of the floor or ceiling, and up to which those of walls."""
+BELOW_SIDES, ABOVE_SIDES, AREAS = 0.8, 0.5, 0.3
+"""Weights of the colours on the sides of floor edges, of ceiling edges, and of areas."""
+ANGLES = np.radians(np.arange(-87.5, 88.0, 1.0))
+"""Azimuths within a wall, from its normal."""
+DISTANCES = np.geomspace(0.25, 10.0, 140)
+RATIOS = np.geomspace(0.12, 30.0, 200)
+"""Distances of walls, and distances over the ceiling's height above the camera, both in the tables."""
+NORMALS = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
+TANGENTS = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+UP = np.array([0.0, 0.0, 1.0])
+
+
+class RoomEvidence:
+    """The tables of one panorama.
+
+    Boxes are (n, 5) arrays: distances of the walls at -x, +x, -y, +y, and of the ceiling, in camera heights.
+    """
+
+    def __init__(self, radiance: NDArray[np.float32], frame: RoomFrame) -> None:
+        self.edges = _edge_maps(frame)
+        self.colours = cv2.blur(_colour_map(radiance, frame), (3, 3))
+        upright = self._upright(HIDDEN_UPRIGHT)
+        below = self._edge_tables(DISTANCES, -1.0, HIDDEN_BELOW, BELOW_SIDES)
+        above = CEILING_WEIGHT * self._edge_tables(RATIOS, 1.0, HIDDEN_ABOVE, ABOVE_SIDES / CEILING_WEIGHT)
+        above, below = self._add_contradictions(frame, above, below)
+        for sign, grid, table in ((-1.0, DISTANCES, below), (1.0, RATIOS, above)):
+            self._add_areas(sign, grid, table)
+        self._below, self._above, self._uprights = (_running_sum(table) for table in (below, above, upright))
+
+    def scores(self, boxes: FloatArray) -> FloatArray:
+        """Logarithm of how much likelier the picture is with the box than without, but for its scale, shape (n,)."""
+        left, right, back, front, ceiling = boxes.T
+        total = np.zeros(len(boxes))
+        for wall, (distance, low, high) in enumerate(
+            ((left, back, front), (right, back, front), (back, left, right), (front, left, right))
+        ):
+            first, last = (
+                np.rint(np.degrees(np.arctan2(end, distance)) + 88.0).astype(int).clip(0, len(ANGLES))
+                for end in (-low, high)
+            )
+            for table, grid, value in (
+                (self._below, DISTANCES, distance),
+                (self._above, RATIOS, distance / ceiling),
+            ):
+                row = np.rint(np.log(value / grid[0]) / np.log(grid[1] / grid[0])).astype(int).clip(0, len(grid) - 1)
+                total += table[wall, row, last] - table[wall, row, first]
+        for x, y in ((-left, -back), (right, -back), (right, front), (-left, front)):
+            column = np.rint(np.degrees(np.arctan2(x, y)) * 2.0).astype(int) % 720
+            far = np.hypot(x, y)
+            bottom, top = (
+                np.rint(np.degrees(np.arctan2(height, far)) + 80.0).astype(int).clip(0, 160)
+                for height in (-1.0, ceiling)
+            )
+            total += self._uprights[column, top] - self._uprights[column, bottom]
+        return total
+
+    def _edge_tables(self, grid: FloatArray, up: float, hidden: float, sides: float) -> FloatArray:
+        """Evidence of floor (``up`` = -1) or ceiling edges by wall, distance and azimuth."""
+        near = self._likeness(up, (-40.0, BESIDE_FLOOR))
+        found, steps, lengths, elevations, around = [], [], [], [], []
+        for wall in range(4):
+            tangent = TANGENTS[wall]
+            points = _unit(grid[:, None, None] * (NORMALS[wall] + np.tan(ANGLES)[None, :, None] * tangent) + up * UP)
+            lengths.append(np.linalg.norm(np.gradient(points, axis=1), axis=-1))
+            elevations.append((np.degrees(np.arcsin(np.abs(points[..., 2]))) / 5.0).astype(int).clip(0, 17))
+            found.append(self.edges[1 if wall < 2 else 0][cells(points)])
+            across = _unit(np.cross(np.broadcast_to(tangent, points.shape), points)) * np.tan(np.radians(BESIDE))
+            steps.append(self._steady_step([cells(points + offset * across) for offset in (-1.5, -0.5, 0.5, 1.5)]))
+            inward = np.where((points + across)[..., 2] * up > points[..., 2] * up, 1.0, -1.0)[..., None] * across
+            inside, outside = (
+                0.5 * sum(near[cells(points + sign * offset * inward)] for offset in (0.8, 2.0)) for sign in (1.0, -1.0)
+            )
+            around.append(
+                np.clip(np.log(2.0 * inside + 1e-3), -0.4, 0.7)
+                + np.clip(np.log(2.0 * (1.0 - outside) + 1e-3), -2.0, 0.7)
+            )
+        weights, bands = np.stack(lengths), np.stack(elevations)
+        arcs, colours = np.stack(found), np.stack(steps)
+        rates = (_by_band(values, weights, bands)[bands] for values in (arcs, colours))
+        evidence = _odds(arcs, next(rates), hidden) + _step_odds(colours, next(rates)) + sides * np.stack(around)
+        return np.asarray(evidence * weights / np.radians(CORRELATED))
+
+    def _upright(self, hidden: float) -> FloatArray:
+        """Evidence of upright edges by azimuth (half degrees) and elevation (degrees from -80)."""
+        azimuth, elevation = np.radians(np.arange(0.0, 360.0, 0.5)), np.radians(np.arange(-80.0, 80.0))
+
+        def at(offset: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+            turned = azimuth + offset * np.radians(BESIDE)
+            return cells(
+                np.stack(
+                    [
+                        np.sin(turned)[:, None] * np.cos(elevation),
+                        np.cos(turned)[:, None] * np.cos(elevation),
+                        np.broadcast_to(np.sin(elevation), (len(turned), len(elevation))),
+                    ],
+                    axis=-1,
+                )
+            )
+
+        arcs = self.edges[2][at(0.0)]
+        steps = self._steady_step([at(offset) for offset in (-1.5, -0.5, 0.5, 1.5)])
+        middle = np.abs(elevation) < np.radians(40.0)
+        evidence = _odds(arcs, arcs[:, middle].mean(), hidden) + _step_odds(steps, steps[:, middle].mean())
+        return np.asarray(UPRIGHT_WEIGHT * evidence / CORRELATED)
+
+    def _steady_step(self, places: list[tuple[NDArray[np.intp], NDArray[np.intp]]]) -> FloatArray:
+        """How clear and even a step of colour is between the second and the third of four places, in [0, 1]."""
+        first, second, third, fourth = (self.colours[place] for place in places)
+        # Light slopes on both sides as well; only what is more than that is an edge.
+        step = (third - second) - 0.5 * ((fourth - third) + (second - first))
+        usual = uniform_filter1d(step, ALONG, axis=1, mode="nearest")
+        unsteady = uniform_filter1d(np.abs(step - usual).sum(axis=-1), ALONG, axis=1, mode="nearest")
+        size = np.abs(usual).sum(axis=-1)
+        return np.asarray(size / (size + unsteady + SMALL_DIFFERENCE))
+
+    def _likeness(self, up: float, others: tuple[float, float]) -> NDArray[np.float32]:
+        """Probability of the colours of floor or ceiling rather than those of other elevations, shape (h, 2h)."""
+        elevation = (90.0 - (np.arange(HEIGHT) + 0.5) * 180.0 / HEIGHT)[:, None] * np.ones((1, 2 * HEIGHT))
+        steps = np.rint(self.colours / np.array([0.25, 0.15, 0.15])).astype(int)
+        steps -= steps.min(axis=(0, 1))
+        shape = tuple(steps.max(axis=(0, 1)) + 1)
+        index = np.ravel_multi_index(tuple(np.moveaxis(steps, -1, 0)), shape)
+        histograms = []
+        turned = up * elevation
+        walls = (
+            (turned > others[0]) & (turned < others[1]) if others[0] < 0.0 else (elevation > 0) & (elevation < WALLS)
+        )
+        for chosen in (turned > OWN, walls):
+            weights = np.cos(np.radians(elevation[chosen]))
+            counts = np.bincount(index[chosen], weights, int(np.prod(shape))).reshape(shape)
+            histograms.append(gaussian_filter(counts, 0.7) / max(float(counts.sum()), 1e-12))
+        own, other = histograms
+        return cv2.blur(((own + 3e-4) / (own + other + 6e-4)).ravel()[index].astype(np.float32), (5, 5))
+
+    def _add_contradictions(
+        self, frame: RoomFrame, above: FloatArray, below: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Add what found edges say of the surfaces that they would lie on."""
+        points, axes, weights = _edge_points(frame)
+        for wall in range(4):
+            forward = points @ NORMALS[wall]
+            azimuth = np.degrees(np.arctan2(points @ TANGENTS[wall], forward))
+            column = (azimuth + 88.0).astype(int).clip(0, len(ANGLES) - 1)
+            on_wall = np.where(axes == (0 if wall < 2 else 1), CONTRADICTION, AGREEMENT)
+            for is_above, grid, table in ((True, RATIOS, above), (False, DISTANCES, below)):
+                here = (np.abs(azimuth) < 88.0) & ((points[:, 2] > 0.0) == is_above)
+                weight = (ABOVE_HORIZON if is_above else BELOW_HORIZON) * weights[here]
+                share = ON_CEILING if is_above else ON_FLOOR
+                on_level = np.where(axes[here] == 2, share * CONTRADICTION, AGREEMENT)
+                # Of a wall farther away than this, the edge lies in front: on the ceiling or the floor.
+                limit = forward[here] / np.maximum(np.abs(points[here, 2]), 1e-9)
+                change = np.zeros((len(grid) + 1, len(ANGLES)))
+                np.add.at(change[0], column[here], weight * on_wall[here])
+                row = np.searchsorted(grid, limit)
+                np.add.at(change, (row, column[here]), weight * (on_level - on_wall[here]))
+                table[wall] += np.cumsum(change, axis=0)[:-1]
+        return above, below
+
+    def _add_areas(self, up: float, grid: FloatArray, table: FloatArray) -> None:
+        """Add whether floor or ceiling, and the walls beside them, have their colours."""
+        likeness = self._likeness(up, (0.0, WALLS))
+        elevation = np.radians(np.arange(0.5, 90.0))
+        edge = np.rint(np.degrees(np.arctan(np.cos(ANGLES) / grid[:, None]))).astype(int).clip(0, 90)
+        column = np.arange(len(ANGLES))[None]
+        for wall in range(4):
+            level = np.cos(ANGLES)[:, None] * NORMALS[wall] + np.sin(ANGLES)[:, None] * TANGENTS[wall]
+            points = np.cos(elevation)[:, None] * level[:, None] + up * np.sin(elevation)[:, None] * UP
+            share = likeness[cells(points)]
+            area = AREAS * np.cos(elevation) / CORRELATED**2
+            flat, upright = (
+                _running_sum(np.clip(np.log(2.0 * part + 0.02), -1.5, 0.5) * area) for part in (share, 1.0 - share)
+            )
+            table[wall] += flat[column, 90] - flat[column, edge] + upright[column, edge]
+
+
+def cells(directions: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of the maps at directions of the room frame."""
+    u, v = direction_to_latlong(_unit(directions))
+    return (v * HEIGHT).astype(int).clip(0, HEIGHT - 1), (u * 2 * HEIGHT).astype(int) % (2 * HEIGHT)
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-12))
+
+
+def _running_sum(table: FloatArray) -> FloatArray:
+    """Sums along the last axis, from 0 on."""
+    return np.concatenate([np.zeros((*table.shape[:-1], 1)), np.cumsum(table, axis=-1)], axis=-1)
+
+
+def _odds(found: FloatArray, rate: FloatArray | float, hidden: float) -> FloatArray:
+    """Logarithm of the odds that an edge of the room is there, by whether one is found where they are usually as rare."""
+    usual = np.clip(rate, RAREST, 0.9)
+    there = np.log(hidden + (1.0 - hidden) * VISIBLE / usual)
+    missing = np.log(hidden + (1.0 - hidden) * (1.0 - VISIBLE) / (1.0 - usual))
+    return np.where(usual > VISIBLE, 0.0, found * there + (1.0 - found) * missing)
+
+
+def _step_odds(step: FloatArray, rate: FloatArray | float) -> FloatArray:
+    """The same for steps of colour, roughly."""
+    return np.clip(4.0 * (step - np.maximum(rate, 0.2) - 0.1), -0.7, 2.0)
+
+
+def _by_band(values: FloatArray, weights: FloatArray, bands: NDArray[np.int_]) -> FloatArray:
+    """Weighted means within 5 degrees of elevation, smoothed over its neighbours, shape (18,)."""
+    sums = [np.bincount(bands.ravel(), part.ravel(), 18) for part in (values * weights, weights)]
+    top, bottom = (np.convolve(np.pad(part, 2, mode="edge"), [0.5, 1.0, 1.0, 1.0, 0.5], "valid") for part in sums)
+    return np.asarray(top / np.maximum(bottom, 1e-9))
+
+
+def _edge_points(frame: RoomFrame) -> tuple[FloatArray, NDArray[np.int_], FloatArray]:
+    """Points every degree along the found edges, room frame, the axis that each lies along, and its weight."""
+    points, axes, weights = [np.zeros((0, 3))], [np.zeros(0, int)], [np.zeros(0)]
+    for ends, axis, length in zip(frame.arcs.ends, frame.axis, np.degrees(frame.arcs.length), strict=True):
+        if axis < 0:
+            continue
+        count = max(1, int(length))
+        share = ((np.arange(count) + 0.5) / count)[:, None]
+        points.append(_unit(((1.0 - share) * ends[0] + share * ends[1]) @ frame.rotation.T))
+        axes.append(np.full(count, axis))
+        weights.append(np.full(count, length / count * min(1.0, length / 8.0) / CORRELATED))
+    return np.concatenate(points), np.concatenate(axes), np.concatenate(weights)
+
+
+def _edge_maps(frame: RoomFrame) -> NDArray[np.float32]:
+    """For each axis how much a place of the room frame's panorama lies on an edge along it, in [0, 1], shape (3, h, 2h)."""
+    maps = np.zeros((3, HEIGHT, 2 * HEIGHT), np.float32)
+    pixel = 180.0 / HEIGHT
+    for ends, axis, length in zip(frame.arcs.ends, frame.axis, np.degrees(frame.arcs.length), strict=True):
+        if axis < 0:
+            continue
+        share = np.linspace(0.0, 1.0, 2 + int(2.0 * length / pixel))[:, None]
+        line = ((1.0 - share) * ends[0] + share * ends[1]) @ frame.rotation.T
+        np.maximum.at(maps[axis], cells(line), np.float32(np.clip(length / LONG, 0.3, 1.0)))
+    margin = 16
+    wrapped = np.pad(maps, ((0, 0), (0, 0), (margin, margin)), mode="wrap")
+    spread = np.zeros_like(maps)
+    for reach in range(int(3.0 * SPREAD / pixel) + 1):
+        disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+        weight = np.float32(np.exp(-0.5 * (reach * pixel / SPREAD) ** 2))
+        for axis in range(3):
+            grown = cv2.dilate(wrapped[axis], disk)[:, margin:-margin]
+            spread[axis] = np.maximum(spread[axis], weight * grown)
+    return spread
+
+
+def _colour_map(radiance: NDArray[np.float32], frame: RoomFrame) -> NDArray[np.float32]:
+    """Logarithms of luminance and of two ratios of colours, in the room frame, shape (h, 2h, 3)."""
+    small = np.maximum(cv2.resize(radiance, (2 * HEIGHT, HEIGHT), interpolation=cv2.INTER_AREA), 0.0)
+    luminance = small @ LUMINANCE
+    middle = float(np.median(luminance)) or 1.0
+    safe = np.maximum(small, 1e-4 * middle)
+    logarithm = np.log(safe / middle)
+    # Beyond three natural logarithms there are lamps and black corners, whose differences mean no more.
+    brightness = np.log(np.maximum(luminance, 1e-4 * middle) / middle)
+    ratios = 2.0 * (logarithm[..., (0, 2)] - logarithm[..., (1, 1)])
+    colours = np.clip(np.concatenate([brightness[..., None], ratios], axis=-1), -3.0, 3.0).astype(np.float32)
+    u, v = direction_to_latlong(pixel_directions(HEIGHT, 2 * HEIGHT) @ frame.rotation)
+    margin = 2
+    wrapped = np.concatenate([colours[:, -margin:], colours, colours[:, :margin]], axis=1)
+    at = (u * 2 * HEIGHT - 0.5 + margin).astype(np.float32), (v * HEIGHT - 0.5).astype(np.float32)
+    return cv2.remap(wrapped, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
