@@ -11,6 +11,8 @@ from tomlkit.exceptions import TOMLKitError
 
 from lightdepth.errors import InputError
 
+PICTURES = (".hdr", ".exr", ".jpg", ".jpeg", ".png", ".tif", ".tiff", ".heic", ".heif")
+"""Ends of names of files that are sometimes given in place of a scene file."""
 DEEPEST = 32
 """How many tables and lists may stand inside each other."""
 
@@ -72,6 +74,9 @@ def _read_text(path: Path) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
+        if path.suffix.lower() in PICTURES:
+            hint = f"lightdepth new {path.name} begins a scene file from a panorama"
+            raise InputError(f"{path}: a picture, and not a scene file (TOML); {hint}") from error
         raise InputError(f"{path}: line {line}: not UTF-8 text; TOML files are UTF-8, save it so") from error
 
 

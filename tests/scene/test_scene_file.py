@@ -279,6 +279,12 @@ def test_files_that_no_person_writes_are_refused_in_words(tmp_path, read, conten
         read(tmp_path / "a.toml")
 
 
+def test_a_panorama_in_place_of_a_scene_file_names_the_command_that_begins_one(tmp_path):
+    (tmp_path / "room.hdr").write_bytes(b"#?RADIANCE\n\xff\xfe")
+    with pytest.raises(InputError, match="a picture, and not a scene file.*lightdepth new room.hdr"):
+        load_scene(tmp_path / "room.hdr")
+
+
 @pytest.mark.parametrize(
     "content",
     [b"a = " + b"[" * 40 + b"]" * 40, b".".join([b"a"] * 2000) + b" = 1", b"a = " + str(2**63).encode(),

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from lightdepth.quickstart.spot import FloorSpot
 
 SAMPLES = 32
+LOWEST, HIGHEST = 0.2, 10.0
+"""Metres of the lens above the floor beyond which a height is mentioned."""
 
 
 def new(
@@ -100,6 +102,12 @@ def _report(
         console.print(
             f"warning: the camera's height is not known and taken as {pose.height:g} m; every size and distance scales "
             "with it: measure it and give --camera-height",
+            style="yellow",
+            markup=False,
+        )
+    elif not LOWEST <= camera_height <= HIGHEST:
+        console.print(
+            f"warning: a camera {camera_height:g} m above the floor is unusual; --camera-height is in metres",
             style="yellow",
             markup=False,
         )

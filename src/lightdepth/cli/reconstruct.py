@@ -32,7 +32,7 @@ class Up(StrEnum):
 Output = Annotated[Path, typer.Option("-o", "--output", help="The folder for the meshes (PLY).")]
 Write = Annotated[
     Path | None,
-    typer.Option("--write", help="Put the [[real]] tables into this scene file (TOML), or begin it; the rest stays."),
+    typer.Option("--write", help=r"Put the [\[real]] tables into this scene file (TOML), or begin it; the rest stays."),
 ]
 Picture = Annotated[
     Path | None, typer.Option("--picture", help="A check picture (PNG): the surfaces' edges over the panorama.")

@@ -45,7 +45,7 @@ def render(
         typer.Option("-o", "--output", help="The EXR file to write, shot.####.exr of a sequence; a PNG is beside it."),
     ] = None,
     frames: Annotated[
-        str | None, typer.Option(help="Frames of the scene's [sequence] to render, as 1-240 or 7,10-20.")
+        str | None, typer.Option(help=r"Frames of the scene's \[sequence] to render, as 1-240 or 7,10-20.")
     ] = None,
     step: Annotated[int, typer.Option(min=1, help="Of --frames, render every so many-th one.")] = 1,
     force: Annotated[bool, typer.Option("--force", help="Render also the --frames that are there.")] = False,

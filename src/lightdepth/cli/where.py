@@ -24,11 +24,11 @@ def where(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    """Tell what surface pixels of the panorama show, and where it is in the world.
+    r"""Tell what surface pixels of the panorama show, and where it is in the world.
 
     For each point: the real surface, the place in metres, its normal, its distance from the capture point, the
     irradiance there (what of it comes from places that the panorama shows) and the albedo that follows.
-    In the scene file, `at = [x, y]` puts an object there.
+    In the scene file, `at = \[x, y]` puts an object there.
 
     Example: lightdepth where room.toml 512,400 700,380
     """
