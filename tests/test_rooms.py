@@ -83,5 +83,6 @@ def test_what_comes_before_the_device_does_not_need_it():
                 "place",
                 "preparation",
                 "recovery",
+                "sequence",
                 "transport",
             }

@@ -143,6 +143,26 @@ class Viewpoint:
         film = np.stack([np.broadcast_to(axis.numpy(), count) for axis in (seen.film.x, seen.film.y)], axis=1)
         return film.astype(np.float64), np.broadcast_to(seen.inside.numpy(), count).astype(bool)
 
+    def sight_lines(
+        self, film: Sequence[NDArray[np.float32]]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Rays through the middle of the lens, for NumPy code: :meth:`on_film` inverted.
+
+        Args:
+            film: film coordinates, x to the right, y down, two arrays of shape (n,), aligned.
+
+        Returns:
+            Origins in world, metres, and unit directions, shapes (n, 3); and whether the film has a picture there,
+            shape (n,).
+        """
+        import mitsuba as mi
+
+        seen, count = self.rays(mi.Point2f(*map(mi.Float, film)), mi.Point2f(0.5)), len(film[0])
+        origins, directions = (
+            np.broadcast_to(each.numpy().T, (count, 3)).astype(np.float64) for each in (seen.ray.o, seen.ray.d)
+        )
+        return origins, directions, np.broadcast_to(seen.inside.numpy(), count).astype(bool)
+
     # Variables of the device: a pose that changes compiles no kernel.
 
     @cached_property

@@ -77,14 +77,8 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
 
 def _film(camera: CameraView) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rays through a grid on the film, world: origins and unit directions, shapes (n, 3)."""
-    import mitsuba as mi
-
     width, height = camera.resolution
     rows = max(1, round(COLUMNS * height / width))
     x, y = np.meshgrid((np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(rows) + 0.5) / rows)
-    seen = camera.rays(mi.Point2f(mi.Float(aligned(x)), mi.Float(aligned(y))), mi.Point2f(0.5))
-    inside = np.broadcast_to(seen.inside.numpy(), x.size)
-    origins, directions = (
-        np.broadcast_to(each.numpy().T, (x.size, 3))[inside].astype(np.float64) for each in (seen.ray.o, seen.ray.d)
-    )
-    return origins, directions
+    origins, directions, inside = camera.sight_lines([aligned(x), aligned(y)])
+    return origins[inside], directions[inside]
