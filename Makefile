@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: install demo test lint fuzz test-machines bench bench-peers extension extension-repository blender-setup blender53-setup lock clean
+.PHONY: install demo demo-shot test lint fuzz test-machines bench bench-peers extension extension-repository blender-setup blender53-setup lock clean
 
 install: $(STAMP)
 
@@ -19,6 +19,12 @@ $(STAMP): requirements.lock pyproject.toml
 demo: install
 	$(BIN)/python examples/lounge/demo.py
 
+# Two seconds of a travelling camera, as frames and as a video. It goes on where it was stopped.
+demo-shot: install
+	$(BIN)/lightdepth render examples/lounge/scene.toml --camera travel --frames 1-48 --samples 8 --steady 6 --denoise \
+	  -o out/demo-shot/shot.####.exr
+	$(BIN)/lightdepth deliver out/demo-shot/shot.####.exr --as video -o out/demo-shot/shot.mp4
+
 lint: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -31,9 +37,10 @@ test: lint
 fuzz: install
 	$(BIN)/python -m tests.fuzz
 
-# The statistical tests with twelve seeds, under all instruction sets that this processor has, with one to four threads.
+# The statistical tests with twelve seeds, under all instruction sets that this processor has, with one to four threads. A
+# part of it: make test-machines MACHINES="--share 1/3", or "--targets avx2", or "--runs 2 -- tests/place".
 test-machines: install
-	$(BIN)/python -m tests.machine
+	$(BIN)/python -m tests.machine $(MACHINES)
 
 # Truth and speed; the compared renderers take part where `make bench-peers` installed them.
 bench: install

@@ -72,6 +72,17 @@ def motion(quick: Annotated[bool, typer.Option(help="Small images and few sample
 
 
 @app.command()
+def flicker(quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False) -> None:
+    """Measure what flickers under a travelling camera, with and without reuse; write bench/results/flicker.json."""
+    from bench.flicker import measure
+    from bench.run import RESULTS
+
+    table = measure(quick, console)
+    (RESULTS / "flicker.json").write_text(json.dumps(table, indent=1) + "\n")
+    _print_table(table)
+
+
+@app.command()
 def truth(
     scene: Annotated[Path, typer.Option(help="A Mitsuba scene file, for example living-room/scene_patched.xml.")],
     capture: Annotated[str, typer.Option(help="Capture point X,Y,Z in the scene's own units and axes.")],

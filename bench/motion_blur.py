@@ -155,7 +155,7 @@ def rendered(scene: Scene, place: Place, moving: str, count: int, spent: Spent) 
         scenes.append(replace(scene, synthetic=there.objects, cameras={"view": camera}))
     kept = _Kept()
     job = Job(camera="view", samples=spent.samples, seed=5, cache=False)
-    MotionBlur(scenes, job).render(kept, "cpu", lambda event: None)
+    MotionBlur(scenes, job).render([kept], "cpu", lambda event: None)
     return kept.frame
 
 

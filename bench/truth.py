@@ -27,7 +27,9 @@ FEWEST_PASSES = 32
 LAMP = 10.0
 """How many times the mean of a photograph a pixel must have that shows a lamp;"""
 LAMP_RAYS = 1 << 25
-"""camera rays that such pixels share,"""
+"""camera rays that such pixels share at most,"""
+LAMP_RAYS_A_SAMPLE = 1 << 16
+"""and how many they share for each sample of a pixel of the others,"""
 SEED_OF_LAMPS = 3
 """with random numbers of their own, so far from the photograph's."""
 CACHE_FORMAT = 2
@@ -306,6 +308,7 @@ def photograph(place: Place, width: int, samples: int) -> Estimate:
         samples: camera rays a pixel.
     """
     posed, seed = place.camera("panorama", width), 2
+    lamp_rays = min(LAMP_RAYS, LAMP_RAYS_A_SAMPLE * samples)
     if place.outside_sun is not None:
         indoors, sunlit = place.lights_apart()
         return together([photograph(indoors, width, samples), _alone(sunlit, posed, samples, seed, False)])
@@ -316,10 +319,10 @@ def photograph(place: Place, width: int, samples: int) -> Estimate:
         lamps = np.flatnonzero(brightness > LAMP * brightness.mean())
         if not len(lamps):
             return seen
-        rays = max(samples, LAMP_RAYS // len(lamps))
+        rays = max(samples, lamp_rays // len(lamps))
         again = trace_pixels(_mitsuba(place, False), posed, lamps, rays, seed + SEED_OF_LAMPS, MAX_DEPTH)
         mean, variance = seen.mean.copy(), seen.variance.copy()
         mean.reshape(-1, 3)[lamps], variance.reshape(-1, 3)[lamps] = again.mean, again.variance
         return dataclasses.replace(seen, mean=mean, variance=variance)
 
-    return cached(_key(place, posed, samples, seed, False, LAMP, LAMP_RAYS), make)
+    return cached(_key(place, posed, samples, seed, False, LAMP, lamp_rays), make)

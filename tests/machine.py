@@ -122,11 +122,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--runs", type=int, default=12, help="how many (%(default)s)")
     parser.add_argument("--first", type=int, default=1, help="the first seed (%(default)s)")
+    parser.add_argument("--share", default="1/1", help="k/n: of these, each n-th from the k-th on")
+    parser.add_argument("--targets", nargs="+", choices=TARGETS, help="instruction sets; all that this processor has")
     parser.add_argument("tests", nargs="*", default=STATISTICAL, help="files and folders; all statistical tests")
     arguments = parser.parse_args()
-    targets = runnable_targets()
+    targets = [name for name in runnable_targets() if name in (arguments.targets or TARGETS)]
+    if not targets:
+        parser.error(f"this processor runs {', '.join(runnable_targets())}")
+    part, parts = (int(number) for number in arguments.share.split("/"))
     failed = 0
-    for seed in range(arguments.first, arguments.first + arguments.runs):
+    for seed in range(arguments.first, arguments.first + arguments.runs)[part - 1 :: parts]:
         settings = {
             "TARGET": targets[seed % len(targets)],
             "THREADS": str(THREADS[seed % len(THREADS)]),

@@ -7,6 +7,7 @@ import bpy
 
 from . import (
     calibration,
+    cameraimport,
     checking,
     engine,
     evaluation,
@@ -22,6 +23,7 @@ from . import (
     rest,
     roles,
     viewpoints,
+    viewport,
 )
 
 _MODULES = (
@@ -36,6 +38,7 @@ _MODULES = (
     export,
     checking,
     reallights,
+    cameraimport,
     engine,
     panels,
 )
@@ -48,11 +51,13 @@ def register() -> None:
             bpy.utils.register_class(item)
     properties.register()
     evaluation.register()
+    viewport.register()
     panels.register()
 
 
 def unregister() -> None:
     """Take everything out of Blender, and end what still renders."""
+    viewport.unregister()
     process.end_all()
     meshfolder.remove()
     panels.unregister()

@@ -11,6 +11,8 @@ from mathutils import Matrix, Vector
 from .picking import capture_pose
 
 FISHEYES = {"FISHEYE_EQUIDISTANT": "equidistant", "FISHEYE_EQUISOLID": "equisolid"}
+PROJECTIONS = {"CUBEMAP": ("cubemap", 3, 2), "EAC": ("eac", 3, 2), "VR180": ("vr180", 2, 1)}
+"""Cameras of the scene file by the camera's setting ``projection``, and how their width is to their height."""
 CAMERA_TURN = Matrix(((1, 0, 0), (0, 0, 1), (0, -1, 0)))
 """Turns the scene file's camera space (looks along +y, z up) into Blender's (looks along -z, y up)."""
 
@@ -71,7 +73,9 @@ def cut(item, scene: bpy.types.Scene) -> tuple[int, int, int, int]:
 def circle(item) -> float | None:
     """Radius of an equisolid lens's picture as a share of half the width, where Cycles shows less than the sensor has."""
     camera = item.data
-    if camera.type != "PANO" or panoramic(camera).panorama_type != "FISHEYE_EQUISOLID":
+    if camera.type != "PANO" or camera.lightdepth.projection in PROJECTIONS:
+        return None
+    if panoramic(camera).panorama_type != "FISHEYE_EQUISOLID":
         return None
     settings = panoramic(camera)
     share = 4.0 * settings.fisheye_lens * math.sin(0.25 * settings.fisheye_fov) / _sensor(camera)
@@ -91,13 +95,14 @@ def sees(item, scene: bpy.types.Scene, point) -> bool:
     return abs(x / -z / half - 2.0 * shift[0]) <= 1.0 and abs(y / -z / half - 2.0 * shift[1]) <= ratio
 
 
-def camera_table(item, scene, eye: Eye | None = None) -> tuple[dict[str, Any], list[str]]:
+def camera_table(item, scene, eye: Eye | None = None, posed: bool = False) -> tuple[dict[str, Any], list[str]]:
     """The ``[camera.NAME]`` table of a camera.
 
     Args:
         item: the camera object, evaluated.
         scene: the scene, evaluated, for the resolution and the capture point.
         eye: one of its views; by default the camera itself.
+        posed: say the pose also where it is the scene file's default.
 
     Returns:
         The table, and notes on what of the camera cannot be carried.
@@ -121,7 +126,7 @@ def camera_table(item, scene, eye: Eye | None = None) -> tuple[dict[str, Any], l
         raise CameraError(
             f"Camera '{item.name}': an orthographic camera cannot be rendered; use perspective or panoramic"
         )
-    if not (table["type"] == "equirectangular" and _is_at_capture(eye.matrix, scene)):
+    if posed or not (table["type"] == "equirectangular" and _is_at_capture(eye.matrix, scene)):
         table |= pose(eye.matrix)
     return table, notes
 
@@ -181,6 +186,8 @@ def _perspective(item, width, height, shift_x):
     }
     if shift_x or camera.shift_y:
         table["shift"] = [shift_x * fitted / width, camera.shift_y * fitted / width]
+    if any(camera.lightdepth.distortion):
+        table["distortion"] = list(camera.lightdepth.distortion)
     notes = []
     if camera.dof.use_dof:
         table["aperture"] = 0.5e-3 * camera.lens / camera.dof.aperture_fstop
@@ -225,6 +232,8 @@ def _panoramic(name, camera, width, height):
     kind = settings.panorama_type
     if camera.shift_x or camera.shift_y:
         raise CameraError(f"Camera '{name}': a panoramic lens cannot be shifted; set both shifts to 0")
+    if camera.lightdepth.projection in PROJECTIONS:
+        return _projected(name, camera, width, height), []
     if kind == "EQUIRECTANGULAR":
         limits = (settings.longitude_min, settings.longitude_max, settings.latitude_min, settings.latitude_max)
         if any(abs(a - b) > 1e-4 for a, b in zip(limits, (-math.pi, math.pi, -math.pi / 2, math.pi / 2), strict=True)):
@@ -237,8 +246,10 @@ def _panoramic(name, camera, width, height):
             )
         return {"type": "equirectangular", "width": width}, []
     if kind not in FISHEYES:
+        found = settings.bl_rna.properties["panorama_type"].enum_items[kind].name
         raise CameraError(
-            f"Camera '{name}': the panorama type must be equirectangular, fisheye equidistant or fisheye equisolid"
+            f"Camera '{name}': the panorama type {found} is not rendered; use equirectangular, fisheye equidistant, "
+            "fisheye equisolid, or a cubemap or VR180 by the setting Projection"
         )
     if width != height:
         raise CameraError(f"Camera '{name}': a fisheye picture is square; the resolution is {width} x {height}")
@@ -262,6 +273,21 @@ def _panoramic(name, camera, width, height):
             f"instead of the field of view of {math.degrees(settings.fisheye_fov):.1f} degrees"
         )
     return table | {"fov": fov}, notes
+
+
+def _projected(name, camera, width, height) -> dict[str, Any]:
+    """A camera that Blender's own panoramic lenses do not have."""
+    kind, across, down = PROJECTIONS[camera.lightdepth.projection]
+    if width * down != height * across or width % across:
+        size = max(width // across, 1)
+        raise CameraError(
+            f"Camera '{name}': a picture of type {kind} is {across} to {down}; the resolution is {width} x {height}, and "
+            f"could be {size * across} x {size * down}"
+        )
+    table = {"type": kind, "width": width}
+    if kind == "vr180":
+        return table | {"interocular_distance": camera.stereo.interocular_distance}
+    return table
 
 
 def _sensor(camera) -> float:

@@ -36,7 +36,7 @@ class Check(Asks, bpy.types.Operator):
         """Those of ``lightdepth check`` for the exported scene; the holes are looked for in the same evaluation."""
         settings, path = context.scene.lightdepth, folder / "scene.toml"
 
-        def look(depsgraph):
+        def look(depsgraph, _):
             export_scene(depsgraph, path)
             return [] if settings.sky else hole_cells(depsgraph, settings)
 

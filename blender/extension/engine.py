@@ -1,6 +1,7 @@
-"""The render engine: F12 and Ctrl-F12 by the renderer's own process, shown while it works."""
+"""The render engine: F12, Ctrl-F12 and the viewport by the renderer's own process, shown while it works."""
 
 import contextlib
+import functools
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,10 +12,11 @@ import numpy as np
 
 from . import cameras, evaluation, exr, meshfolder, passes
 from .asking import renderer_command
-from .export import Exported, ExportError, export_scene, options
+from .export import Exported, ExportError, EyeOf, export_scene, options
 from .process import RendererError
 from .properties import show_lines
-from .worker import render
+from .viewport import Viewport
+from .worker import Busy, render
 
 PREVIEW_SECONDS = 2
 
@@ -29,6 +31,21 @@ class LightdepthEngine(bpy.types.RenderEngine):
     bl_use_shading_nodes_custom = False
     bl_use_spherical_stereo = True
 
+    _viewport: Viewport | None = None
+
+    def view_update(self, context, depsgraph):
+        """Take note that something has changed."""
+        self._shown_viewport().scene_changed()
+
+    def view_draw(self, context, depsgraph):
+        """Draw the viewport."""
+        self._shown_viewport().draw(self, context, depsgraph)
+
+    def _shown_viewport(self) -> Viewport:
+        if self._viewport is None:
+            self._viewport = Viewport()
+        return self._viewport
+
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tell the compositor which passes there are."""
         self.register_pass(scene, renderlayer, "Combined", 4, "RGBA", "COLOR")
@@ -36,6 +53,8 @@ class LightdepthEngine(bpy.types.RenderEngine):
             self.register_pass(scene, renderlayer, name, len(channels), channels, kind)
         if renderlayer.use_pass_object_index:
             self.register_pass(scene, renderlayer, passes.INDEX, 1, "X", "VALUE")
+        if renderlayer.use_pass_material_index:
+            self.register_pass(scene, renderlayer, passes.MATERIAL_INDEX, 1, "X", "VALUE")
         for name in _matte_passes(renderlayer):
             self.register_pass(scene, renderlayer, name, 4, "RGBA", "COLOR")
 
@@ -44,7 +63,7 @@ class LightdepthEngine(bpy.types.RenderEngine):
 
         Whatever goes wrong is reported as an error: Blender then writes no picture and stops an animation.
         """
-        if evaluation.take_over(depsgraph):
+        if evaluation.take_over(depsgraph, self):
             return
         try:
             with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
@@ -64,12 +83,12 @@ class LightdepthEngine(bpy.types.RenderEngine):
     def _render(self, depsgraph, folder: Path) -> None:
         command = renderer_command()
         stop = _Stop(self.test_break)
-        for eye, tops in self._eyes(depsgraph):
-            self._render_eye(depsgraph, folder, command, stop, eye, tops)
+        for eye_of, tops in self._eyes(depsgraph):
+            self._render_eye(depsgraph, folder, command, stop, eye_of, tops)
             if stop.asked:
                 return
 
-    def _eyes(self, depsgraph) -> list[tuple[cameras.Eye | None, dict[str, int]]]:
+    def _eyes(self, depsgraph) -> list[tuple[EyeOf | None, dict[str, int]]]:
         """What is rendered one after the other: an eye, and from which row on its picture has which views."""
         scene = depsgraph.scene_eval
         if not scene.render.use_multiview or scene.camera is None:
@@ -80,15 +99,17 @@ class LightdepthEngine(bpy.types.RenderEngine):
         if camera.data.type == "PANO" and self.use_spherical_stereo(camera):
             if not set(views) <= {"left", "right"}:
                 raise ExportError(f"Spherical stereo has the views left and right; there are {', '.join(views)}")
-            matrix = self.camera_model_matrix(camera, use_spherical_stereo=True).copy()
             tops = {"left": 0, "right": cameras.resolution(scene)[1]}
-            return [(cameras.Eye(matrix, 0.0, spherical=True), {view: tops[view] for view in views})]
-        eyes: list[tuple[cameras.Eye | None, dict[str, int]]] = []
-        for view in views:
-            self.active_view_set(view)
-            matrix = self.camera_model_matrix(camera).copy()
-            eyes.append((cameras.Eye(matrix, self.camera_shift_x(camera)), {view: 0}))
-        return eyes
+            return [(self._both_eyes, {view: tops[view] for view in views})]
+        return [(functools.partial(self._eye, view), {view: 0}) for view in views]
+
+    def _both_eyes(self, camera) -> cameras.Eye:
+        matrix = self.camera_model_matrix(camera, use_spherical_stereo=True).copy()
+        return cameras.Eye(matrix, 0.0, spherical=True)
+
+    def _eye(self, view: str, camera) -> cameras.Eye:
+        self.active_view_set(view)
+        return cameras.Eye(self.camera_model_matrix(camera).copy(), self.camera_shift_x(camera))
 
     def _render_eye(
         self,
@@ -96,13 +117,20 @@ class LightdepthEngine(bpy.types.RenderEngine):
         folder: Path,
         command: str,
         stop: "_Stop",
-        eye: cameras.Eye | None,
+        eye_of: EyeOf | None,
         tops: dict[str, int],
     ) -> None:
-        scene = depsgraph.scene_eval
         self.update_stats("", "Exporting the scene")
         files = meshfolder.of_session()
-        exported = export_scene(depsgraph, files.path.with_name("scene.toml"), files, every_camera=False, eye=eye)
+        exported = export_scene(
+            depsgraph,
+            files.path.with_name("scene.toml"),
+            files,
+            every_camera=False,
+            eye_of=eye_of,
+            set_frame=self.frame_set,
+        )
+        scene = depsgraph.scene_eval
         if exported.camera is None:
             raise ExportError("The scene has no active camera")
         original = depsgraph.scene  # whose settings only the main thread may change
@@ -120,9 +148,14 @@ class LightdepthEngine(bpy.types.RenderEngine):
             "layers": _layers(depsgraph),
             **options(scene.lightdepth),
         }
+        if exported.frame is not None:
+            request["frame"] = exported.frame
         self.update_stats("", "Starting the renderer")
-        with contextlib.closing(render(command, request, stop, self._warn)) as events:
-            self._follow(events, stop, picture, _View(depsgraph, exported, tops))
+        view = _View(depsgraph, exported, tops)
+        with Busy(stop) as busy:
+            if busy.mine:
+                with contextlib.closing(render(command, request, stop, self._warn)) as events:
+                    self._follow(events, stop, picture, view)
 
     def _follow(self, events: Iterator[dict[str, Any]], stop: "_Stop", picture: Path, view: "_View") -> None:
         """Show the renderer's progress until it ends or the person has waited enough."""
@@ -155,8 +188,9 @@ class LightdepthEngine(bpy.types.RenderEngine):
         for name, (_, channels, _) in passes.PASSES.items():
             if name in pixels:
                 self.add_pass(name, len(channels), channels, layer=view.layer)
-        if passes.INDEX in pixels:
-            self.add_pass(passes.INDEX, 1, "X", layer=view.layer)
+        for name in (passes.INDEX, passes.MATERIAL_INDEX):
+            if name in pixels:
+                self.add_pass(name, 1, "X", layer=view.layer)
         for name in view.matte_passes:
             self.add_pass(name, 4, "RGBA", layer=view.layer)
         height, width = pixels["Combined"].shape[:2]
@@ -199,9 +233,20 @@ class _View:
         self._indices = None
         if layer.use_pass_object_index:
             self._indices = [each.source.pass_index for each in exported.objects]
+        self._material_indices = None
+        if layer.use_pass_material_index and not scene.lightdepth.draft:
+            index_of = {material.name: material.pass_index for material in bpy.data.materials}
+            self._material_indices = {
+                name: index_of.get(material, 0)
+                for each in exported.objects
+                for name, material in each.matte_names().items()
+            }
         self.matte_passes = [] if scene.lightdepth.draft else _matte_passes(layer)
         self._names = {
             "CryptoObject": {each.name: each.source.name for each in exported.objects},
+            "CryptoMaterial": {
+                name: material for each in exported.objects for name, material in each.matte_names().items()
+            },
             "CryptoAsset": {each.name: each.source.asset for each in exported.objects},
         }
         self.facts: dict[str, str] = {}
@@ -217,6 +262,8 @@ class _View:
             passes.make_transparent(pixels)
         if self._indices is not None and "Object ID" in pixels:
             pixels[passes.INDEX] = passes.indices(pixels["Object ID"], self._indices)
+        if self._material_indices is not None:
+            pixels[passes.MATERIAL_INDEX] = passes.material_indices(parts["beauty"], self._material_indices)
         for layer in {name[:-2] for name in self.matte_passes}:
             count = sum(name[:-2] == layer for name in self.matte_passes)
             pixels |= passes.mattes(parts["beauty"], layer, self._names[layer], count)
@@ -239,7 +286,8 @@ def _layers(depsgraph) -> list[str]:
     """Layers of the renderer's picture that Blender's passes are made of."""
     scene = depsgraph.scene_eval
     if not scene.lightdepth.draft:
-        mattes = ["cryptomatte"] if _matte_passes(depsgraph.view_layer_eval) else []
+        layer = depsgraph.view_layer_eval
+        mattes = ["cryptomatte"] if _matte_passes(layer) or layer.use_pass_material_index else []
         return [part for part, _, _ in passes.PASSES.values()] + mattes
     return ["plate", "coverage"] if scene.render.film_transparent else []
 

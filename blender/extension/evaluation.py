@@ -26,19 +26,20 @@ class EvaluationError(Exception):
     """Blender did not make the dependency graph."""
 
 
-_work: Callable[[bpy.types.Depsgraph], None] | None = None
+_Work = Callable[[bpy.types.Depsgraph, Callable[[int, float], None]], Any]
+_work: _Work | None = None
 
 
-def take_over(depsgraph: bpy.types.Depsgraph) -> bool:
+def take_over(depsgraph: bpy.types.Depsgraph, engine: bpy.types.RenderEngine) -> bool:
     """Called by the engine: hand the graph to whoever asked for it. Returns whether somebody had."""
     if _work is None:
         return False
-    _work(depsgraph)
+    _work(depsgraph, engine.frame_set)
     return True
 
 
-def with_render_depsgraph(context, function: Callable[[bpy.types.Depsgraph], Any]) -> Any:
-    """Call a function with the scene's dependency graph for rendering.
+def with_render_depsgraph(context, function: _Work) -> Any:
+    """Call a function with the scene's dependency graph for rendering, and with what evaluates it at another time.
 
     Returns:
         What the function returns.
@@ -50,11 +51,11 @@ def with_render_depsgraph(context, function: Callable[[bpy.types.Depsgraph], Any
     global _work
     outcome: list[tuple[Any, BaseException | None]] = []
 
-    def work(depsgraph):
+    def work(depsgraph, set_frame):
         if outcome:  # further view layers
             return
         try:
-            outcome.append((function(depsgraph), None))
+            outcome.append((function(depsgraph, set_frame), None))
         except Exception as error:
             outcome.append((None, error))
 

@@ -5,10 +5,11 @@ import math
 import os
 import shlex
 from collections import defaultdict
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import bpy
@@ -19,6 +20,7 @@ from mathutils import Matrix
 from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, suns, toml
 from .evaluation import EvaluationError, unexpected, with_render_depsgraph
 from .meshfolder import Made, MeshFolder, digest_of
+from .motion import ANIMATION, Instance, Motion, SetFrame, decomposed, instances, observed, shutter_of
 from .picking import capture_pose
 from .properties import show_lines
 
@@ -32,6 +34,8 @@ MERGED_FROM = 32
 """Instances of one object by one instancer, from which on they are one mesh with one object number."""
 MERGED_TRIANGLES = 20_000_000
 """Most triangles of such a mesh; more instances than that stay apart and share a file."""
+AT_ONCE = 1_000_000
+"""Vertices that are placed at once to find where they are."""
 _RAYS = {
     "visible_camera": "camera",
     "visible_diffuse": "diffuse",
@@ -67,10 +71,18 @@ class Carried:
     Attributes:
         name: in the scene file.
         source: what it is in Blender.
+        materials: names of its parts' materials, in their order; empty for a part that has none.
     """
 
     name: str
     source: Source
+    materials: tuple[str, ...] = ()
+
+    def matte_names(self) -> dict[str, str]:
+        """The materials' names by those that the renderer's mattes have, which go by the object."""
+        base = f"{self.name}.principled"
+        numbered = enumerate(self.materials, start=1)
+        return {(base if number == 1 else f"{base}.{number}"): name for number, name in numbered if name}
 
 
 @dataclass
@@ -82,42 +94,100 @@ class Exported:
         camera: name of the active camera in it, or ``None`` where there is none.
         notes: what could not be carried, one sentence each.
         objects: the file's synthetic objects, in its order.
+        frame: number of the frame with motion blur; ``None`` where there is none.
+        document: the file's tables.
+        origin: of the file in Blender's world, shape (3,).
     """
 
     path: Path
     camera: str | None
     notes: list[str]
     objects: list[Carried]
+    frame: int | None
+    document: dict[str, Any]
+    origin: np.ndarray
+
+    def text(self) -> str:
+        """The scene file's text."""
+        head = ""
+        if self.origin.any():
+            head = "# Its origin is at {:g}, {:g}, {:g} of Blender's world.\n".format(*self.origin)
+        return head + toml.dumps(self.document)
+
+    def seen(self, table: dict[str, Any]) -> str:
+        """Its text with a single camera, ``view``.
+
+        Args:
+            table: of the camera, in Blender's world.
+        """
+        table = table | {"position": [float(a - b) for a, b in zip(table["position"], self.origin, strict=True)]}
+        return replace(self, document=self.document | {"camera": {"view": table}}).text()
 
 
 @dataclass
 class _Group:
-    """Places where one mesh with the same materials stands, each as its own object or all made by one instancer."""
+    """Places where one mesh with the same materials stands, each as its own object or all made by one instancer.
+
+    Attributes:
+        source: what it is in Blender.
+        key: of the mesh and its materials.
+        instanced: whether one instancer made all.
+        places: matrices, shape (4, 4).
+        ways: likewise, of each place while the shutter is open; ``None`` for one that stands still.
+    """
 
     source: Source
     key: tuple
     instanced: bool
     places: list[np.ndarray] = field(default_factory=list)
+    ways: list[list[np.ndarray] | None] = field(default_factory=list)
 
 
 @dataclass
 class _Look:
-    """A mesh and the surfaces of its slots."""
+    """A mesh and the surfaces of its slots.
+
+    Attributes:
+        name: of the object.
+        triangles: the mesh.
+        slots: names of the slots' materials.
+        surfaces: the materials.
+        shapes: the mesh at the shutter's times; ``None`` where it does not deform.
+    """
 
     name: str
     triangles: meshes.Triangles
     slots: list[str]
     surfaces: list[materials.Surface]
+    shapes: list[meshes.Triangles] | None = None
 
     @cached_property
     def digest(self) -> bytes:
         """Of all that its file is made of."""
-        return digest_of(self.triangles, self.slots, self.surfaces)
+        return digest_of(self.triangles, self.slots, self.surfaces, self.shapes)
 
-    def bounds(self, place: np.ndarray) -> np.ndarray:
-        """Smallest and largest coordinates of its vertices at a place, shape (2, 3)."""
-        points = self.triangles.positions @ place[:3, :3].T + place[:3, 3]
-        return np.array([points.min(axis=0), points.max(axis=0)])
+    def bounds(self, places: np.ndarray) -> np.ndarray:
+        """Smallest and largest coordinates of its vertices at places of shape (k, 4, 4), shape (k, 2, 3)."""
+        found = np.empty((len(places), 2, 3))
+        step = max(AT_ONCE // max(len(self.triangles.positions), 1), 1)
+        for start in range(0, len(places), step):
+            some = places[start : start + step]
+            points = np.einsum("kij,nj->kni", some[:, :3, :3], self.triangles.positions) + some[:, None, :3, 3]
+            found[start : start + step, 0], found[start : start + step, 1] = points.min(axis=1), points.max(axis=1)
+        return found
+
+
+@dataclass(frozen=True)
+class _File:
+    """A mesh file.
+
+    Attributes:
+        table: what an object's table says of it; nothing where there are no faces.
+        materials: of its parts.
+    """
+
+    table: dict[str, Any]
+    materials: tuple[str, ...]
 
 
 @dataclass
@@ -128,6 +198,7 @@ class _Writer:
     folder: Path
     files: MeshFolder
     origin: np.ndarray
+    motion: Motion | None = None
     real: list[dict[str, Any]] = field(default_factory=list)
     synthetic: list[dict[str, Any]] = field(default_factory=list)
     objects: list[Carried] = field(default_factory=list)
@@ -136,10 +207,22 @@ class _Writer:
     looks: dict[tuple, _Look | None] = field(default_factory=dict)
     groups: dict[tuple, _Group] = field(default_factory=dict)
     surfaces: dict[int, materials.Surface] = field(default_factory=dict)
-    written: dict[tuple, str] = field(default_factory=dict)
+    written: dict[tuple, _File] = field(default_factory=dict)
+    alike: dict[tuple, _Group | None] = field(default_factory=dict)
+    last: _Group | None = None
     bounds: list[np.ndarray] = field(default_factory=list)
     seen: set[int] = field(default_factory=set)
     counts: defaultdict[str, int] = field(default_factory=lambda: defaultdict(int))
+
+    @cached_property
+    def suns(self) -> "_Suns":
+        """Those that are marked real."""
+        return _Suns(self.folder, self.origin)
+
+    @cached_property
+    def in_layer(self) -> set[str]:
+        """Names of the view layer's objects, which Blender would search one by one for each."""
+        return {item.name for item in self.depsgraph.view_layer.objects}
 
     def note(self, *sentences: str) -> None:
         self.notes |= dict.fromkeys(sentences)
@@ -160,21 +243,36 @@ class _Writer:
         """A matrix relative to the scene file's origin."""
         return Matrix.Translation(-self.origin) @ to_world
 
-    def add(self, item, to_world: Matrix, by_instancing: bool, instancer: str) -> None:
-        """Add what an evaluated object, or an instance of one, is to the renderer."""
+    def add(self, item, to_world: np.ndarray, by_instancing: bool, instance: Instance) -> None:
+        """Add what an evaluated object, or an instance of one, is to the renderer; its matrix may be changed."""
+        if by_instancing and item.type == "MESH":  # of many that are alike only the first is looked at
+            key = (item.as_pointer(), item.data.as_pointer(), instance[1])
+            group = self.alike.get(key)
+            if group is None:
+                self._add(item, to_world, by_instancing, instance)
+                if item.lightdepth.role not in roles.REAL:
+                    self.alike[key] = self.last
+            else:
+                self._place(group, item, to_world, instance)
+        else:
+            self._add(item, to_world, by_instancing, instance)
+
+    def _add(self, item, to_world: np.ndarray, by_instancing: bool, instance: Instance) -> None:
         if item.type == "LIGHT":
             self._note_light_linking(item)
-            if not item.lightdepth.real_light:
-                self._add_lamp(item, self.local(to_world))
+            if item.lightdepth.real_light:
+                self.suns.add(item, to_world)
+            else:
+                self._add_lamp(item, self.local(Matrix(to_world.tolist())))
         elif item.type == "MESH":
             if item.as_pointer() not in self.seen:
                 self.seen.add(item.as_pointer())
                 self._note_light_linking(item)
                 self._note_settings(item)
             if item.lightdepth.role in roles.REAL:
-                self._add_real(item, to_world)
+                self._add_real(item, Matrix(to_world.tolist()))
             else:
-                self._add_synthetic(item, to_world, by_instancing, instancer)
+                self._add_synthetic(item, to_world, by_instancing, instance)
         elif item.type not in WITHOUT_LOOK | WITH_SURFACE and not by_instancing:
             self.note(f"Object '{item.name}': {item.type.replace('_', ' ').lower()} objects are not carried")
 
@@ -191,9 +289,9 @@ class _Writer:
         self._append_tables(tables, _source(item))
         self.note(*said)
 
-    def _append_tables(self, tables: list[dict[str, Any]], source: Source) -> None:
+    def _append_tables(self, tables: list[dict[str, Any]], source: Source, worn: tuple[str, ...] = ()) -> None:
         self.synthetic += tables
-        self.objects += [Carried(table["name"], source) for table in tables]
+        self.objects += [Carried(table["name"], source, worn) for table in tables]
 
     def _note_light_linking(self, item) -> None:
         linking = getattr(item, "light_linking", None)
@@ -213,7 +311,7 @@ class _Writer:
         if item.is_shadow_catcher:
             self.note(f"Object '{item.name}': is no shadow catcher here; give real surfaces the role support")
         original, layer = item.original, self.depsgraph.view_layer
-        if original.name in layer.objects:
+        if original.name in self.in_layer:
             if original.holdout_get(view_layer=layer):
                 self.note(f"Object '{item.name}': holdout is not carried; it is rendered as it looks")
             if original.indirect_only_get(view_layer=layer):
@@ -239,24 +337,30 @@ class _Writer:
             table["gloss"] = {"roughness": settings.roughness, "specular": settings.specular}
         self.real.append(table)
 
-    def _add_synthetic(self, item, to_world, by_instancing: bool, instancer: str) -> None:
+    def _add_synthetic(self, item, to_world, by_instancing: bool, instance: Instance) -> None:
         override = self.depsgraph.view_layer_eval.material_override
         worn = [override or slot.material for slot in item.material_slots]
         # Evaluated data is shared by what looks the same: linked duplicates and instances.
         key = (item.data.as_pointer(), tuple(0 if material is None else material.as_pointer() for material in worn))
         if key not in self.looks:
-            self.looks[key] = self._look(item, worn, override)
+            self.looks[key] = self._look(item, worn, override, instance)
         if self.looks[key] is None:
+            self.last = None
             return
         # What an instancer makes is gathered; objects stay by themselves.
-        place = (key, item.name, instancer) if by_instancing else (key, item.name, "", len(self.groups))
+        place = (key, *instance[:2]) if by_instancing else (key, item.name, "", len(self.groups))
         if place not in self.groups:
             self.groups[place] = _Group(_source(item), key, by_instancing)
-        matrix = np.array(to_world, np.float64)
-        matrix[:3, 3] -= self.origin
-        self.groups[place].places.append(matrix)
+        self.last = self.groups[place]
+        self._place(self.last, item, to_world, instance)
 
-    def _look(self, item, worn, override) -> _Look | None:
+    def _place(self, group: _Group | None, item, to_world: np.ndarray, instance: Instance) -> None:
+        if group is not None:  # or it has no faces
+            to_world[:3, 3] -= self.origin
+            group.places.append(to_world)
+            group.ways.append(None if self.motion is None else self.motion.ways(instance, to_world, item))
+
+    def _look(self, item, worn, override, instance: Instance) -> _Look | None:
         mesh = item.to_mesh()
         try:
             triangles = None if mesh is None else meshes.triangles_of(mesh)
@@ -266,7 +370,14 @@ class _Writer:
         finally:
             item.to_mesh_clear()
         names = ["" if material is None else material.name for material in worn]
-        return _Look(item.name, triangles, names, [self._surface(material) for material in worn])
+        look = _Look(item.name, triangles, names, [self._surface(material) for material in worn])
+        if self.motion is not None:
+            look.shapes, alike = self.motion.deformed(instance, triangles)
+            if not alike:
+                self.note(
+                    f"Object '{item.name}': its mesh gets other faces while the shutter is open; only its motion is blurred"
+                )
+        return look
 
     def _surface(self, material) -> materials.Surface:
         pointer = 0 if material is None else material.as_pointer()
@@ -289,15 +400,16 @@ class _Writer:
             look = self.looks[group.key]
             if not any(surface.visible for surface in look.surfaces):
                 continue
-            bounds = np.array([look.bounds(place) for place in group.places])
+            bounds = look.bounds(np.array(group.places))
             outside = closed & ((bounds[:, 1] < low) | (bounds[:, 0] > high)).any(axis=1)
             if outside.any():
                 count = f"{outside.sum()} of its instances are" if outside.sum() < len(outside) else "is"
                 self.note(f"Object '{group.source.name}': {count} outside the place and left out")
-            places = [place for place, out in zip(group.places, outside, strict=True) if not out]
+            group.places = [place for place, out in zip(group.places, outside, strict=True) if not out]
+            group.ways = [way for way, out in zip(group.ways, outside, strict=True) if not out]
             self._note_clipping(group, look, bounds[~outside])
-            if places:
-                self._write_group(group, look, places)
+            if group.places:
+                self._write_group(group, look)
 
     def _note_clipping(self, group: _Group, look: _Look, bounds: np.ndarray) -> None:
         """Cameras of Blender see nothing nearer or farther than their clipping says."""
@@ -316,50 +428,76 @@ class _Writer:
         if (nearest > camera.data.clip_end).any():
             self.note(f"Camera '{camera.name}': its clip end does not cut object '{group.source.name}'")
 
-    def _write_group(self, group: _Group, look: _Look, places: list[np.ndarray]) -> None:
-        count = len(look.triangles.vertices) * len(places)
-        if group.instanced and len(places) >= MERGED_FROM and count <= MERGED_TRIANGLES:
-            file = self._write(look, np.array(places))
-            tables = [{"name": self.unique(group.source.name), "mesh": file}] if file else []
-            self._append_tables(tables, group.source)
+    def _write_group(self, group: _Group, look: _Look) -> None:
+        count = len(look.triangles.vertices) * len(group.places)
+        if group.instanced and len(group.places) >= MERGED_FROM and count <= MERGED_TRIANGLES:
+            self._append(group, self._write(look, group.places, group.ways))
             return
-        for place in places:
-            placement = _placement(Matrix(place.tolist()))
-            if placement is not None:
-                if group.key not in self.written:
-                    self.written[group.key] = self._write(look)
-                file = self.written[group.key]
-            else:
-                file = self._write(look, place[None])
-            if file:
-                table = {"name": self.unique(group.source.name), "mesh": file, **(placement or {})}
-                self._append_tables([table], group.source)
+        for place, way in zip(group.places, group.ways, strict=True):
+            placement = _placement(Matrix(place.tolist())) if way is None else self.motion.placement(way)
+            if placement is None:
+                self._append(group, self._write(look, [place], [way]))
+                continue
+            if group.key not in self.written:
+                self.written[group.key] = self._write(look)
+            self._append(group, self.written[group.key], placement)
 
-    def _write(self, look: _Look, places: np.ndarray | None = None) -> str:
-        """Write a mesh file, or find the one with the same content; returns its relative path, empty without faces.
+    def _append(self, group: _Group, file: _File, placement: Mapping[str, Any] = MappingProxyType({})) -> None:
+        if file.table:
+            table = {"name": self.unique(group.source.name), **file.table, **placement}
+            self._append_tables([table], group.source, file.materials)
+
+    def _write(
+        self,
+        look: _Look,
+        places: list[np.ndarray] | None = None,
+        ways: list[list[np.ndarray] | None] | None = None,
+    ) -> _File:
+        """Write a mesh file, or find the one with the same content.
 
         Args:
             look: the mesh.
-            places: where it stands, shape (k, 4, 4); ``None`` for as it is.
+            places: where it stands, matrices of shape (4, 4); ``None`` for as it is.
+            ways: of each place while the shutter is open, or ``None``.
         """
-        key = look.digest if places is None else digest_of(look.digest, places)
+        moves = ways is not None and any(way is not None for way in ways)
+        key = look.digest
+        if places is not None:
+            key = digest_of(look.digest, np.array(places), ways if moves else None)
         made = self.files.found(key)
         if made is None:
-            made = self._made(look, look.triangles if places is None else meshes.repeated(look.triangles, places))
+            triangles = look.triangles if places is None else meshes.repeated(look.triangles, np.array(places))
+            made = self._made(look, triangles, self._at_times(look, places, ways) if moves or look.shapes else [])
             self.files.keep(key, made)
         self.note(*made.notes)
-        return self.relative(self.files.path / made.files[0]) if made.files else ""
+        if not made.files:
+            return _File({}, ())
+        table = {"mesh": self.relative(self.files.path / made.files[0])}
+        return _File(table | ({"animation": ANIMATION} if moves or look.shapes else {}), made.materials)
 
-    def _made(self, look: _Look, triangles: meshes.Triangles) -> Made:
+    def _at_times(
+        self, look: _Look, places: list[np.ndarray] | None, ways: list[list[np.ndarray] | None] | None
+    ) -> list[meshes.Triangles]:
+        """The mesh at the shutter's times; arguments as for ``_write``."""
+        count = len(self.motion.shutter.times)
+        shapes = look.shapes or [look.triangles] * count
+        if places is None:
+            return shapes
+        ways = [[place] * count if way is None else way for place, way in zip(places, ways, strict=True)]
+        return [
+            meshes.repeated(shape, np.array(then)) for shape, then in zip(shapes, zip(*ways, strict=True), strict=True)
+        ]
+
+    def _made(self, look: _Look, triangles: meshes.Triangles, at_times: list[meshes.Triangles]) -> Made:
         folder = images.ImageFolder(self.files)
-        writer = gltf.Writer(folder)
+        writer = gltf.Writer(folder, self.motion.shutter.seconds if at_times else ())
         slots = np.clip(triangles.slots, 0, len(look.surfaces) - 1)
         for slot, (surface, name) in enumerate(zip(look.surfaces, look.slots, strict=True)):
-            writer.add(triangles, np.nonzero(slots == slot)[0], surface, name)
+            writer.add(triangles, np.nonzero(slots == slot)[0], surface, name, at_times)
         if writer.is_empty:
             return Made((), tuple(writer.notes))
         file = self.files.write(look.name, ".glb", writer.data())
-        return Made((file, *folder.names), tuple(writer.notes))
+        return Made((file, *folder.names), tuple(writer.notes), tuple(writer.materials))
 
 
 def _source(item) -> Source:
@@ -371,24 +509,15 @@ def _source(item) -> Source:
 
 def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
     """A matrix as position, rotation and scale, or ``None`` where it shears or flattens."""
-    position, rotation, scale = to_world.decompose()
-    again = Matrix.LocRotScale(position, rotation, scale)
-    size = max(abs(value) for row in to_world.to_3x3() for value in row)
-    apart = max(abs(again[i][j] - to_world[i][j]) for i in range(3) for j in range(3))
-    if apart > 1e-5 * size or min(abs(value) for value in scale) == 0.0:
+    parts = decomposed(to_world)
+    if parts is None:
         return None
+    position, rotation, scale = parts
     return {
         "position": list(position),
-        "rotation": [math.degrees(angle) for angle in rotation.to_euler("XYZ")],
+        "rotation": [math.degrees(angle) for angle in rotation],
         "scale": list(scale),
     }
-
-
-def _instances(depsgraph) -> Iterator[tuple[Any, Matrix, bool, str]]:
-    for instance in depsgraph.object_instances:
-        if instance.show_self:
-            parent = instance.parent.name if instance.is_instance and instance.parent is not None else ""
-            yield instance.object, instance.matrix_world.copy(), instance.is_instance, parent
 
 
 def require_panorama(scene) -> None:
@@ -418,25 +547,33 @@ def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
     }
 
 
-def _camera_tables(scene, writer: _Writer, every_camera: bool, eye: cameras.Eye | None) -> dict[str, Any]:
-    """All cameras that can be carried, or the active one alone; that one must be."""
-    tables = {}
+EyeOf = Callable[[Any], cameras.Eye]
+"""One of the views of a camera, as it is evaluated."""
+
+
+def _camera_tables(
+    depsgraph, origin: np.ndarray, every_camera: bool, eye_of: EyeOf | None, posed: bool = False
+) -> tuple[dict[str, dict[str, Any]], list[str]]:
+    """All cameras that can be carried, or the active one alone, which must be; and notes."""
+    tables, notes = {}, []
+    scene = depsgraph.scene_eval
     for item in scene.objects:
         active = scene.camera is not None and item.name == scene.camera.name
         if item.type != "CAMERA" or not (every_camera or active):
             continue
-        evaluated = item.evaluated_get(writer.depsgraph)
+        evaluated = item.evaluated_get(depsgraph)
+        eye = eye_of(evaluated) if active and eye_of is not None else None
         try:
-            table, said = cameras.camera_table(evaluated, scene, eye if active else None)
+            table, said = cameras.camera_table(evaluated, scene, eye, posed)
             if "position" in table:
-                table["position"] = [float(a - b) for a, b in zip(table["position"], writer.origin, strict=True)]
+                table["position"] = [float(a - b) for a, b in zip(table["position"], origin, strict=True)]
             tables[item.name] = table
         except cameras.CameraError as error:
             if active:
                 raise ExportError(str(error)) from error
             said = [f"{error} (this camera is left out)"]
-        writer.note(*said)
-    return tables
+        notes += said
+    return tables, notes
 
 
 def _render_table(settings) -> dict[str, Any]:
@@ -455,16 +592,37 @@ def scene_lights(depsgraph, folder: Path, origin: np.ndarray) -> tuple[list[dict
     Returns:
         The tables, and notes on what cannot be carried.
     """
-    tables, notes, names = [], [], set()
-    for item, to_world, _, _ in _instances(depsgraph):
+    found = _Suns(folder, origin)
+    for item, to_world, _, _ in instances(depsgraph, numbered=False):
         if item.type == "LIGHT" and item.lightdepth.real_light:
-            name = next(name for name in _numbered(item.name) if name not in names)
-            table, said = suns.sun_table(name, item, to_world, folder, origin)
-            notes += said
-            if table is not None:
-                names.add(name)
-                tables.append(table)
-    return tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth), notes
+            found.add(item, to_world)
+    return found.tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth), found.notes
+
+
+@dataclass
+class _Suns:
+    """Tables of suns that are marked real.
+
+    Attributes:
+        folder: of the scene file.
+        origin: of the scene file in Blender's world, shape (3,).
+        tables: one for each sun.
+        notes: what of them cannot be carried.
+    """
+
+    folder: Path
+    origin: np.ndarray
+    tables: list[dict[str, Any]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def add(self, item, to_world: np.ndarray) -> None:
+        """Add an evaluated lamp with its matrix."""
+        names = {table["name"] for table in self.tables}
+        name = next(name for name in _numbered(item.name) if name not in names)
+        table, said = suns.sun_table(name, item, Matrix(to_world.tolist()), self.folder, self.origin)
+        self.notes += said
+        if table is not None:
+            self.tables.append(table)
 
 
 def _numbered(name: str) -> Iterator[str]:
@@ -482,16 +640,20 @@ def export_scene(
     path: Path,
     folder: MeshFolder | None = None,
     every_camera: bool = True,
-    eye: cameras.Eye | None = None,
+    eye_of: EyeOf | None = None,
+    set_frame: SetFrame | None = None,
+    with_cameras: bool = True,
 ) -> Exported:
-    """Write the scene of a depsgraph that was made for rendering. Nothing of Blender's data is changed.
+    """Write the scene of a depsgraph. Nothing of Blender's data is changed.
 
     Args:
         depsgraph: the evaluated scene.
         path: the scene file to write.
         folder: where meshes and images go; by default beside the scene file.
         every_camera: write all cameras that can be carried, not the active one alone.
-        eye: of the active camera, where it is one of several.
+        eye_of: of the active camera, where it is one of several.
+        set_frame: evaluates the scene at another time, for motion blur; ``None`` writes it as it stands.
+        with_cameras: write cameras at all.
 
     Raises:
         ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
@@ -501,11 +663,17 @@ def export_scene(
     require_panorama(scene)
     folder = folder or MeshFolder(path.with_name(f"{path.stem}_meshes"))
     folder.begin()
-    writer = _Writer(depsgraph, path.parent, folder, _origin(scene))
+    origin = _origin(scene)
+    moves, said = _motion(depsgraph, origin, every_camera, eye_of, set_frame)
+    scene = depsgraph.scene_eval
+    writer = _Writer(depsgraph, path.parent, folder, origin, moves)
+    writer.note(*said)
     document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
+    if moves is not None:
+        document["sequence"] = moves.shutter.table()
     try:
-        for item, to_world, by_instancing, instancer in _instances(depsgraph):
-            writer.add(item, to_world, by_instancing, instancer)
+        for item, to_world, by_instancing, instance in instances(depsgraph, numbered=moves is not None):
+            writer.add(item, to_world, by_instancing, instance)
         if not writer.real:
             raise ExportError(
                 "No real surface is modelled: add a room or a floor, and give it the role support or environment"
@@ -513,24 +681,38 @@ def export_scene(
         writer.write_synthetic(closed=not scene.lightdepth.sky)
     finally:
         graph.forget_pictures()
-    if scene.render.use_motion_blur:
-        writer.note("Motion blur is not carried")
-    layer = depsgraph.view_layer_eval
-    if layer.use_pass_cryptomatte_material:
-        writer.note(f"View layer '{layer.name}': Cryptomatte has objects and assets; materials are not carried")
-    tables = _camera_tables(scene, writer, every_camera, eye)
-    light_tables, said = scene_lights(depsgraph, writer.folder, writer.origin)
+    tables, said = _camera_tables(depsgraph, origin, every_camera, eye_of) if with_cameras else ({}, [])
     writer.note(*said)
+    if moves is not None:
+        tables = {name: moves.with_keys(name, table) for name, table in tables.items()}
+    writer.note(*writer.suns.notes)
+    light_tables = writer.suns.tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth)
     document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
     document["render"] = _render_table(scene.lightdepth)
-    temporary = path.with_name(f".{path.name}.part")
-    head = ""
-    if writer.origin.any():
-        head = "# Its origin is at {:g}, {:g}, {:g} of Blender's world.\n".format(*writer.origin)
-    temporary.write_text(head + toml.dumps(document), encoding="utf-8")
-    os.replace(temporary, path)
     active = scene.camera.name if scene.camera is not None and scene.camera.name in tables else None
-    return Exported(path, active, list(writer.notes), writer.objects)
+    frame = None if moves is None else moves.shutter.frame
+    exported = Exported(path, active, list(writer.notes), writer.objects, frame, document, origin)
+    temporary = path.with_name(f".{path.name}.part")
+    temporary.write_text(exported.text(), encoding="utf-8")
+    os.replace(temporary, path)
+    return exported
+
+
+def _motion(
+    depsgraph, origin: np.ndarray, every_camera: bool, eye_of: EyeOf | None, set_frame: SetFrame | None
+) -> tuple[Motion | None, list[str]]:
+    """What moves while the shutter is open, ``None`` where there is no motion blur; and notes."""
+    scene = depsgraph.scene_eval
+    if set_frame is None or scene.lightdepth.draft:  # a single sample a pixel is of one time
+        return None, []
+    shutter, notes = shutter_of(scene)
+    if shutter is None:
+        return None, notes
+
+    def tables() -> dict[str, dict[str, Any]]:
+        return _camera_tables(depsgraph, origin, every_camera, eye_of, posed=True)[0]
+
+    return observed(depsgraph, set_frame, shutter, origin, tables), notes
 
 
 def options(settings) -> dict[str, Any]:
@@ -559,7 +741,9 @@ class ExportScene(bpy.types.Operator, ExportHelper):
         path = Path(bpy.path.abspath(self.filepath))
         try:
             require_panorama(context.scene)
-            exported = with_render_depsgraph(context, lambda depsgraph: export_scene(depsgraph, path))
+            exported = with_render_depsgraph(
+                context, lambda depsgraph, set_frame: export_scene(depsgraph, path, set_frame=set_frame)
+            )
         except (ExportError, EvaluationError, OSError) as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -570,7 +754,10 @@ class ExportScene(bpy.types.Operator, ExportHelper):
         for note in exported.notes:
             self.report({"WARNING"}, note)
         camera = ["--camera", exported.camera] if exported.camera else []
-        command = shlex.join(["lightdepth", "render", str(path), *camera, *_as_arguments(settings), "-o", "OUT.exr"])
+        output = (
+            ["-o", "OUT.exr"] if exported.frame is None else ["--frames", str(exported.frame), "-o", "OUT.####.exr"]
+        )
+        command = shlex.join(["lightdepth", "render", str(path), *camera, *_as_arguments(settings), *output])
         self.report({"INFO"}, f"Written. Render it with: {command}")
         return {"FINISHED"}
 

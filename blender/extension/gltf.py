@@ -2,6 +2,7 @@
 
 import json
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from .graph import Lay, Value, resized
 from .images import ImageFolder, encoded
 from .materials import Surface, reflection_ior
 from .meshes import Triangles, coordinates, is_flat
+from .motion import ANIMATION
 
 _WRAPS = {"REPEAT": 10497, "EXTEND": 33071, "CLIP": 33071, "MIRROR": 33648}
 _FLOAT, _UNSIGNED = 5126, 5125
@@ -20,10 +22,15 @@ class Writer:
 
     Args:
         images: where pictures go; the file names them beside itself.
+        seconds: times at which the vertices' positions are given, if they move.
+
+    Attributes:
+        notes: what could not be carried.
+        materials: names of those that were added, in the order of the file's parts.
     """
 
-    def __init__(self, images: ImageFolder):
-        self._images = images
+    def __init__(self, images: ImageFolder, seconds: Sequence[float] = ()):
+        self._images, self._seconds = images, seconds
         self._binary = bytearray()
         self._json: dict = {
             "asset": {"version": "2.0", "generator": "lightdepth for Blender"},
@@ -34,13 +41,21 @@ class Writer:
         }
         self._used: set[str] = set()
         self.notes: list[str] = []
+        self.materials: list[str] = []
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing was added."""
         return not self._json["meshes"][0]["primitives"]
 
-    def add(self, triangles: Triangles, which: np.ndarray, surface: Surface, name: str) -> None:
+    def add(
+        self,
+        triangles: Triangles,
+        which: np.ndarray,
+        surface: Surface,
+        name: str,
+        at_times: Sequence[Triangles] = (),
+    ) -> None:
         """Add the triangles of one material.
 
         Args:
@@ -48,6 +63,7 @@ class Writer:
             which: numbers of the triangles, shape (k,).
             surface: their material.
             name: of the material, for notes.
+            at_times: the mesh at the file's times, with the same faces.
         """
         if not len(which) or not surface.visible:
             return
@@ -74,7 +90,8 @@ class Writer:
                 colours = np.zeros((len(loops), 3), np.float32)
         columns += [column.view(np.uint32) for column in (normals, uv, colours) if column is not None]
         first, corners = _distinct(np.ascontiguousarray(np.concatenate(columns, axis=1)))
-        positions = _y_up(triangles.positions[triangles.vertices[which].reshape(-1)[first]])
+        vertices = triangles.vertices[which].reshape(-1)[first]
+        positions = _y_up(triangles.positions[vertices])
         attributes = {"POSITION": self._accessor(positions, "VEC3", bounds=True)}
         if normals is not None:
             attributes["NORMAL"] = self._accessor(normals[first], "VEC3")
@@ -84,10 +101,18 @@ class Writer:
             attributes["COLOR_0"] = self._accessor(colours[first], "VEC3")
         primitive = {"attributes": attributes, "indices": self._accessor(corners.astype("<u4"), "SCALAR")}
         primitive["material"] = self._material(surface, name, lay)
+        for other in at_times:
+            target = {"POSITION": self._accessor(_y_up(other.positions[vertices]) - positions, "VEC3", bounds=True)}
+            if normals is not None and other.normals is not None:
+                target["NORMAL"] = self._accessor(_y_up(other.normals[loops[first]]) - normals[first], "VEC3")
+            primitive.setdefault("targets", []).append(target)
         self._json["meshes"][0]["primitives"].append(primitive)
+        self.materials.append(name)
 
     def data(self) -> bytes:
         """The file's bytes."""
+        if self._seconds:
+            self._animate()
         self._json["buffers"] = [{"byteLength": len(self._binary)}]
         if self._used:
             self._json["extensionsUsed"] = sorted(self._used)
@@ -96,6 +121,18 @@ class Writer:
         head = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(self._binary))
         head += struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(self._binary), b"BIN\0")
         return head + self._binary
+
+    def _animate(self) -> None:
+        """From each time's positions to the next: the weight of one goes down while that of the other goes up."""
+        times = self._accessor(np.array(self._seconds, "<f4"), "SCALAR", bounds=True)
+        weights = self._accessor(np.eye(len(self._seconds), dtype="<f4").ravel(), "SCALAR")
+        self._json["animations"] = [
+            {
+                "name": ANIMATION,
+                "samplers": [{"input": times, "output": weights, "interpolation": "LINEAR"}],
+                "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}],
+            }
+        ]
 
     def _accessor(self, values: np.ndarray, kind: str, bounds: bool = False) -> int:
         start = len(self._binary)
@@ -106,7 +143,8 @@ class Writer:
         component = _FLOAT if data.dtype.kind == "f" else _UNSIGNED
         accessor = {"bufferView": len(views) - 1, "componentType": component, "count": len(data), "type": kind}
         if bounds:
-            accessor |= {"min": data.min(axis=0).tolist(), "max": data.max(axis=0).tolist()}
+            low, high = (np.atleast_1d(each).tolist() for each in (data.min(axis=0), data.max(axis=0)))
+            accessor |= {"min": low, "max": high}
         return self._append("accessors", accessor)
 
     def _append(self, kind: str, entry: dict) -> int:

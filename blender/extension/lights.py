@@ -33,7 +33,9 @@ def emitters(name: str, light, to_world: Matrix) -> tuple[list[dict[str, Any]], 
     Returns:
         The tables, and notes on what of the lamp cannot be carried.
     """
-    if light.cycles.is_portal:  # shows Cycles where light comes from and gives none
+    if getattr(
+        getattr(light, "cycles", None), "is_portal", False
+    ):  # shows Cycles where light comes from and gives none
         return [], []
     colour, notes = strength(name, light)
     if max(colour) <= 0.0:

@@ -83,6 +83,15 @@ def triangles_of(mesh: bpy.types.Mesh) -> Triangles | None:
     )
 
 
+def triangles_of_object(item) -> Triangles | None:
+    """The triangles of an evaluated object."""
+    mesh = item.to_mesh()
+    try:
+        return None if mesh is None else triangles_of(mesh)
+    finally:
+        item.to_mesh_clear()
+
+
 def repeated(triangles: Triangles, places: np.ndarray) -> Triangles:
     """A mesh at several places as one mesh.
 

@@ -23,10 +23,12 @@ class Made:
     Attributes:
         files: the mesh's file and those that it names; none where there was nothing to write.
         notes: what could not be carried.
+        materials: names of the materials of its parts, in their order; empty where a part has none.
     """
 
     files: tuple[str, ...]
     notes: tuple[str, ...]
+    materials: tuple[str, ...] = ()
 
 
 class MeshFolder:
@@ -113,25 +115,27 @@ def digest_of(*contents: object) -> bytes:
     return state.digest()
 
 
-_session: MeshFolder | None = None
+_session: dict[str, MeshFolder] = {}
 
 
-def of_session() -> MeshFolder:
-    """The folder for what is rendered in this session of Blender; its parent has room for the scene file.
+def of_session(name: str = "meshes") -> MeshFolder:
+    """A folder for what is rendered in this session of Blender; its parent has room for the scene file.
+
+    Args:
+        name: of the folder; what is written at the same time as others needs its own.
 
     Raises:
         OSError: it cannot be made.
     """
-    global _session
-    if _session is None or not _session.path.parent.is_dir():
-        _session = MeshFolder(Path(tempfile.mkdtemp(prefix="lightdepth-scenes-")) / "meshes", by_content=True)
-    return _session
+    if name not in _session or not _session[name].path.parent.is_dir():
+        parent = Path(tempfile.mkdtemp(prefix="lightdepth-scenes-"))
+        _session[name] = MeshFolder(parent / name, by_content=True)
+    return _session[name]
 
 
 @atexit.register
 def remove() -> None:
-    """Remove the session's folder: Blender quits, or the extension is switched off."""
-    global _session
-    if _session is not None:
-        shutil.rmtree(_session.path.parent, ignore_errors=True)
-        _session = None
+    """Remove the session's folders: Blender quits, or the extension is switched off."""
+    for folder in _session.values():
+        shutil.rmtree(folder.path.parent, ignore_errors=True)
+    _session.clear()

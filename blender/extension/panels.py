@@ -5,9 +5,10 @@ from typing import ClassVar
 
 import bpy
 
-from . import calibration, checking, export, modelling, panorama, reallights, rest, roles, viewpoints
+from . import calibration, cameraimport, checking, export, modelling, panorama, reallights, rest, roles, viewpoints
 from .cameras import panoramic
 from .evaluation import ENGINE
+from .passes import MATTES
 
 LETTER = 6.5
 """Width of a letter of the user interface's font, pixels at scale 1, rather too much than too little."""
@@ -151,6 +152,7 @@ class ShootingPanel(_Sidebar, bpy.types.Panel):
         column.label(text="New camera at the capture point")
         for kind, name, _, icon, _ in viewpoints.ITEMS:
             column.operator(viewpoints.AddCamera.bl_idname, text=name, icon=icon).kind = kind
+        layout.operator(cameraimport.ImportCameras.bl_idname, icon="IMPORT")
         layout.prop(context.scene, "camera")
         layout.operator("render.render", text="Render Image", icon="RENDER_STILL")
         layout.operator(export.ExportScene.bl_idname, icon="EXPORT")
@@ -267,6 +269,51 @@ class RenderPanel(_Rendering, bpy.types.Panel):
         layout.prop(settings, "denoise")
 
 
+class MotionBlurPanel(_Rendering, bpy.types.Panel):
+    """Blender's motion blur, which its own panels show only for its own engines."""
+
+    bl_idname = "LIGHTDEPTH_PT_motion_blur"
+    bl_label = "Motion Blur"
+    bl_context = "render"
+
+    def draw_header(self, context):
+        self.layout.prop(context.scene.render, "use_motion_blur", text="")
+
+    def draw(self, context):
+        layout, render = self.layout, context.scene.render
+        layout.use_property_split = True
+        layout.active = render.use_motion_blur and not context.scene.lightdepth.draft
+        layout.prop(render, "motion_blur_position", text="Position")
+        layout.prop(render, "motion_blur_shutter")
+
+
+class ObjectMotionBlurPanel(_Rendering, bpy.types.Panel):
+    """Which objects are blurred, and in how many steps: Cycles' settings."""
+
+    bl_idname = "LIGHTDEPTH_PT_object_motion_blur"
+    bl_label = "Motion Blur"
+    bl_context = "object"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        """The object can be blurred, the engine is lightdepth."""
+        item = context.object
+        return (
+            super().poll(context) and item is not None and item.type in export.WITH_SURFACE and hasattr(item, "cycles")
+        )
+
+    def draw_header(self, context):
+        self.layout.prop(context.object.cycles, "use_motion_blur", text="")
+
+    def draw(self, context):
+        layout, settings = self.layout, context.object.cycles
+        layout.use_property_split = True
+        layout.active = context.scene.render.use_motion_blur and settings.use_motion_blur
+        layout.prop(settings, "motion_steps", text="Steps")
+        layout.prop(settings, "use_deform_motion", text="Deformation")
+
+
 class LayerPanel(_Rendering, bpy.types.Panel):
     """Passes that are made where they are wanted; the others are always there."""
 
@@ -277,13 +324,15 @@ class LayerPanel(_Rendering, bpy.types.Panel):
     def draw(self, context):
         layout, layer = self.layout, context.view_layer
         layout.use_property_split, layout.use_property_decorate = True, False
-        layout.prop(layer, "use_pass_object_index")
+        column = layout.column(heading="Indices", align=True)
+        column.prop(layer, "use_pass_object_index", text="Object")
+        column.prop(layer, "use_pass_material_index", text="Material")
         column = layout.column(heading="Cryptomatte", align=True)
         column.prop(layer, "use_pass_cryptomatte_object", text="Object")
+        column.prop(layer, "use_pass_cryptomatte_material", text="Material")
         column.prop(layer, "use_pass_cryptomatte_asset", text="Asset")
-        wanted = layer.use_pass_cryptomatte_object or layer.use_pass_cryptomatte_asset
         row = layout.row()
-        row.active = wanted
+        row.active = any(getattr(layer, f"use_pass_cryptomatte_{setting}") for setting in MATTES.values())
         row.prop(layer, "pass_cryptomatte_depth", text="Levels")
 
 
@@ -303,6 +352,11 @@ class PanoramicLensPanel(_Rendering, bpy.types.Panel):
         layout, camera = self.layout, context.camera
         settings = panoramic(camera)
         layout.use_property_split = True
+        layout.prop(camera.lightdepth, "projection")
+        if camera.lightdepth.projection != "CAMERA":
+            if camera.lightdepth.projection == "VR180":
+                layout.prop(camera.stereo, "interocular_distance")
+            return
         layout.prop(settings, "panorama_type")
         if settings.panorama_type == "FISHEYE_EQUIDISTANT":
             layout.prop(settings, "fisheye_fov")
@@ -310,6 +364,26 @@ class PanoramicLensPanel(_Rendering, bpy.types.Panel):
             layout.prop(settings, "fisheye_lens")
             layout.prop(settings, "fisheye_fov")
             layout.prop(camera, "sensor_width")
+
+
+class DistortionPanel(_Rendering, bpy.types.Panel):
+    """What a perspective lens distorts."""
+
+    bl_idname = "LIGHTDEPTH_PT_distortion"
+    bl_label = "Lens Distortion"
+    bl_context = "data"
+    bl_options: ClassVar = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context):
+        """The data is a perspective camera, the engine lightdepth."""
+        return super().poll(context) and context.camera is not None and context.camera.type == "PERSP"
+
+    def draw(self, context):
+        layout, settings = self.layout, context.camera.lightdepth
+        layout.use_property_split = True
+        for index, name in enumerate(("k1", "k2")):
+            layout.prop(settings, "distortion", index=index, text=name)
 
 
 classes = (
@@ -322,8 +396,11 @@ classes = (
     ObjectPanel,
     RealLightPanel,
     RenderPanel,
+    MotionBlurPanel,
+    ObjectMotionBlurPanel,
     LayerPanel,
     PanoramicLensPanel,
+    DistortionPanel,
 )
 
 _OTHERS = (

@@ -9,6 +9,7 @@ from .images import from_rec709
 PASSES = {
     "Plate": ("plate", "RGB", "COLOR"),
     "Change": ("change", "RGB", "COLOR"),
+    "Shadow": ("shadow", "RGB", "COLOR"),
     "Synthetic": ("synthetic", "RGB", "COLOR"),
     "Coverage": ("coverage", "Y", "VALUE"),
     "Object ID": ("object_id", "X", "VALUE"),
@@ -18,11 +19,13 @@ PASSES = {
     "Variance": ("variance", "RGB", "COLOR"),
 }
 """Blender's name of a pass: the part's name in the file, the channels' names in Blender, the kind of pass."""
-INDEX = "IndexOB"
-"""Blender's name of the pass with the objects' pass indices."""
+INDEX, MATERIAL_INDEX = "IndexOB", "IndexMA"
+"""Blender's names of the passes with the pass indices of objects and of materials."""
 
-MATTES = {"CryptoObject": "object", "CryptoAsset": "asset"}
+MATTES = {"CryptoObject": "object", "CryptoMaterial": "material", "CryptoAsset": "asset"}
 """Blender's names of the Cryptomatte layers that are made, and what the view layer's settings call them."""
+_RENDERERS_MATTES = {"CryptoMaterial": "CryptoMaterial"}
+"""The renderer's layer that one is made of; that of the objects otherwise."""
 
 
 def from_parts(parts: dict[str, dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -90,13 +93,31 @@ def indices(numbers: np.ndarray, of_objects: list[int]) -> np.ndarray:
     return table[np.clip(numbers.astype(np.int64), 0, len(of_objects))]
 
 
+def material_indices(beauty: dict[str, np.ndarray], of_materials: dict[str, int]) -> np.ndarray:
+    """Pass index of the material that covers most of each pixel, of what objects cover more than half of: 0 elsewhere.
+
+    Args:
+        beauty: channels of the finished picture, with those of the renderer's mattes where there are any.
+        of_materials: pass indices by the names that the renderer's mattes have.
+
+    Returns:
+        Shape (height, width, 1).
+    """
+    found = np.zeros((*beauty["A"].shape, 1), np.float32)
+    if "CryptoMaterial00.R" in beauty:
+        ids = np.ascontiguousarray(beauty["CryptoMaterial00.R"], np.float32).view(np.uint32)
+        for name, index in of_materials.items():
+            found[(ids == matte_id(name)) & (beauty["CryptoMaterial00.G"] > 0.5)] = index
+    return found
+
+
 def mattes(beauty: dict[str, np.ndarray], layer: str, names: dict[str, str], count: int) -> dict[str, np.ndarray]:
     """A Cryptomatte layer by the names that objects have in Blender.
 
     Args:
-        beauty: channels of the finished picture, with those of the renderer's layer of objects where there are any.
+        beauty: channels of the finished picture, with those of the renderer's mattes where there are any.
         layer: out of ``MATTES``.
-        names: the name that counts, by the object's name in the scene file.
+        names: the name that counts, by that of the renderer.
         count: passes of two ranks each.
 
     Returns:
@@ -110,7 +131,7 @@ def mattes(beauty: dict[str, np.ndarray], layer: str, names: dict[str, str], cou
     for index in range(count):
         made = found[f"{layer}{index:02}"] = np.zeros((*shape, 4), np.float32)
         for channel, letter in enumerate("RGBA"):
-            plane = beauty.get(f"CryptoObject{index:02}.{letter}")
+            plane = beauty.get(f"{_RENDERERS_MATTES.get(layer, 'CryptoObject')}{index:02}.{letter}")
             if plane is None:
                 continue
             plane = np.ascontiguousarray(plane, np.float32)

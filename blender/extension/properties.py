@@ -197,6 +197,28 @@ class ObjectSettings(bpy.types.PropertyGroup):
     mask_direction: FloatVectorProperty(description="Toward the sun for which the mask was made", size=3)
 
 
+class CameraSettings(bpy.types.PropertyGroup):
+    """What a camera is to the renderer beyond Blender's own settings."""
+
+    projection: EnumProperty(
+        name="Projection",
+        description="Pictures of the whole surroundings that Blender's own panoramic lenses do not have",
+        items=(
+            ("CAMERA", "As Panorama Type", "The lens that Blender has"),
+            ("CUBEMAP", "Cubemap", "Six faces of 90 degrees, three beside each other in two rows"),
+            ("EAC", "Equi-Angular Cubemap", "As YouTube takes it: three faces beside each other in two rows"),
+            ("VR180", "VR180", "The front half of the sphere for each eye, side by side"),
+        ),
+    )
+    distortion: FloatVectorProperty(
+        name="Distortion",
+        description="Radial distortion k1 and k2 of a perspective lens, as motion tracking and OpenCV mean them",
+        size=2,
+        precision=4,
+        step=1,
+    )
+
+
 def show_lines(collection, lines) -> None:
     """Replace the lines that a panel shows.
 
@@ -209,16 +231,18 @@ def show_lines(collection, lines) -> None:
         collection.add().text = line
 
 
-classes = (Line, FloorCorner, PanoramaPoint, ClippedSource, SceneSettings, OwnSlot, ObjectSettings)
+classes = (Line, FloorCorner, PanoramaPoint, ClippedSource, SceneSettings, OwnSlot, ObjectSettings, CameraSettings)
 
 
 def register() -> None:
-    """Attach the settings to Blender's scenes and objects."""
+    """Attach the settings to Blender's scenes, objects and cameras."""
+    bpy.types.Camera.lightdepth = PointerProperty(type=CameraSettings)
     bpy.types.Scene.lightdepth = PointerProperty(type=SceneSettings)
     bpy.types.Object.lightdepth = PointerProperty(type=ObjectSettings)
 
 
 def unregister() -> None:
     """Detach the settings."""
+    del bpy.types.Camera.lightdepth
     del bpy.types.Scene.lightdepth
     del bpy.types.Object.lightdepth

@@ -158,7 +158,7 @@ def spliced(text: str, tables: list[dict[str, Any]]) -> str:
     return result
 
 
-def _origin_of(document: Mapping[str, Any], settings) -> np.ndarray:
+def origin_of(document: Mapping[str, Any], settings) -> np.ndarray:
     """The origin of a scene file in Blender's world, shape (3,), from where both have the capture point."""
     position = np.array(document.get("panorama", {}).get("position", (0.0, 0.0, 0.0)), np.float64)
     return np.round((np.array(capture_pose(settings).translation) - position) / FAR) * FAR + 0.0
@@ -188,7 +188,7 @@ class ImportLights(bpy.types.Operator, ImportHelper):
             tables = document.get("light", [])
             if not tables:
                 raise LightFileError(f"{path} has no [[light]]")
-            notes = show_lights(context, tables, path.parent, _origin_of(document, context.scene.lightdepth))
+            notes = show_lights(context, tables, path.parent, origin_of(document, context.scene.lightdepth))
         except LightFileError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
@@ -217,8 +217,8 @@ class WriteLights(bpy.types.Operator, ExportHelper):
         settings = context.scene.lightdepth
         try:
             document = read_tables(path)
-            origin = _origin_of(document, settings)
-            tables, notes = with_render_depsgraph(context, lambda graph: scene_lights(graph, path.parent, origin))
+            origin = origin_of(document, settings)
+            tables, notes = with_render_depsgraph(context, lambda graph, _: scene_lights(graph, path.parent, origin))
             text = spliced(path.read_bytes().decode("utf-8-sig"), tables)
             temporary = path.with_name(f".{path.name}.part")
             temporary.write_text(text, encoding="utf-8", newline="")
@@ -243,9 +243,9 @@ class _Recovers(Asks):
     def arguments(self, context, folder: Path):
         """Those of ``lightdepth recover`` for the exported scene."""
         path = folder / "scene.toml"
-        with_render_depsgraph(context, lambda depsgraph: export_scene(depsgraph, path))
+        with_render_depsgraph(context, lambda depsgraph, _: export_scene(depsgraph, path))
         document = read_tables(path)
-        self._folder_of_scene, self._origin = folder, _origin_of(document, context.scene.lightdepth)
+        self._folder_of_scene, self._origin = folder, origin_of(document, context.scene.lightdepth)
         return ["recover", self.what, str(path), "--json"]
 
 

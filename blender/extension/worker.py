@@ -9,7 +9,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from . import process
 from .process import COMMAND, Process, RendererError
@@ -113,7 +113,9 @@ class Worker(Process):
             f"Install {COMMAND} and its extension in the same version."
         )
 
-    def render(self, request: dict[str, Any], cancelled: Callable[[], bool]) -> Iterator[dict[str, Any]]:
+    def render(
+        self, request: dict[str, Any], cancelled: Callable[[], bool], patience: float | None = None
+    ) -> Iterator[dict[str, Any]]:
         """Render, and give the events of it; the last is ``done``, unless it did not stop in time when cancelled.
 
         Who gives up in between ends the process: nothing is written any more then.
@@ -121,6 +123,7 @@ class Worker(Process):
         Args:
             request: the request's keys, without ``request`` and ``id``.
             cancelled: whether the picture is no longer wanted, asked now and then. What has been rendered is written.
+            patience: seconds that it then has to stop; ``CANCEL_PATIENCE`` by default.
 
         Raises:
             EndedError: the process has ended.
@@ -135,7 +138,7 @@ class Worker(Process):
             while not complete:
                 if deadline is None and cancelled():
                     self._send(request="cancel", id=name)
-                    deadline = time.monotonic() + CANCEL_PATIENCE
+                    deadline = time.monotonic() + (CANCEL_PATIENCE if patience is None else patience)
                 if deadline is not None and time.monotonic() > deadline:
                     return
                 event = self._next()
@@ -198,10 +201,53 @@ class Worker(Process):
 
 
 _kept: Worker | None = None
+_lock = threading.Lock()
+_waiting = 0
+
+
+class Busy:
+    """The renderer for oneself, as a context: it renders one thing after the other, and renderings come before previews.
+
+    Args:
+        given_up: whether to wait no longer for it, asked now and then.
+        preview: give it back when somebody else waits.
+
+    Attributes:
+        mine: whether it was had; false where it was given up before.
+    """
+
+    def __init__(self, given_up: Callable[[], bool], preview: bool = False):
+        self._given_up, self._preview = given_up, preview
+        self.mine = False
+
+    def __enter__(self) -> Self:
+        global _waiting
+        _waiting += not self._preview
+        try:
+            while not self.mine and not self._given_up():
+                if self._preview and _waiting:
+                    time.sleep(LOOK_SECONDS)
+                else:
+                    self.mine = _lock.acquire(timeout=LOOK_SECONDS)
+        finally:
+            _waiting -= not self._preview
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self.mine:
+            _lock.release()
+
+    def is_cancelled(self) -> bool:
+        """Whether what is rendered is to be cancelled."""
+        return self._given_up() or (self._preview and _waiting > 0)
 
 
 def render(
-    command: str, request: dict[str, Any], cancelled: Callable[[], bool], warn: Callable[[str], None]
+    command: str,
+    request: dict[str, Any],
+    cancelled: Callable[[], bool],
+    warn: Callable[[str], None],
+    patience: float | None = None,
 ) -> Iterator[dict[str, Any]]:
     """Render in the process that is kept; where there is none, it is started.
 
@@ -212,6 +258,7 @@ def render(
         request: as for :meth:`Worker.render`.
         cancelled: as for :meth:`Worker.render`.
         warn: called with the reason where the process had to be started again.
+        patience: as for :meth:`Worker.render`.
 
     Raises:
         RendererError: as :meth:`Worker.greet` and :meth:`Worker.render` raise it.
@@ -223,7 +270,7 @@ def render(
             if not worker.greet(cancelled):
                 return
         begun = False
-        events = worker.render(request, cancelled)
+        events = worker.render(request, cancelled, patience)
         try:
             for event in events:
                 begun = True

@@ -87,6 +87,7 @@ def begin_rendering(
     draft: bool = False,
     share: Share | None = None,
     cache: bool = True,
+    sharing: int | None = None,
 ) -> Rendering:
     """Begin to render: ``Rendering.run`` yields after every pass, ``Rendering.frame`` gives the image so far.
 
@@ -102,6 +103,7 @@ def begin_rendering(
         draft: a quick look.
         share: the part of the work that this process does, see :class:`~lightdepth.film.sums.Share`; all by default.
         cache: take what belongs to the place from the cache on disk, and put it there.
+        sharing: frames that will share the samples of matte support; see :class:`~lightdepth.film.rendering.Rendering`.
     """
     view = find_camera(scene, camera)
     start(device)
@@ -115,7 +117,7 @@ def begin_rendering(
 
         if draft:
             scene = _drafted(scene)
-        return Rendering(scene, _prepare(scene, method, cache), view, method, seed, share or Share())
+        return Rendering(scene, _prepare(scene, method, cache), view, method, seed, share or Share(), sharing)
 
 
 def find_camera(scene: Scene, name: str | None) -> CameraView:

@@ -23,6 +23,25 @@ def numbered(pattern: Path, frame: int) -> Path:
     return pattern.with_name(name)
 
 
+def found_files(pattern: Path) -> dict[int, Path]:
+    """The files of a pattern that are there, by their number, in its order.
+
+    Args:
+        pattern: a file whose name ``is_pattern``.
+
+    Raises:
+        OSError: the folder cannot be read.
+    """
+    digits = re.search(f"{MARK}+", pattern.name)
+    assert digits is not None
+    before, after = map(re.escape, (pattern.name[: digits.start()], pattern.name[digits.end() :]))
+    name = re.compile(f"{before}([0-9]+){after}")
+    there = set(os.listdir(pattern.parent))
+    numbers = sorted({int(match[1]) for each in there if (match := name.fullmatch(each))})
+    found = {number: numbered(pattern, number) for number in numbers}
+    return {number: path for number, path in found.items() if path.name in there}  # Others have too many zeros.
+
+
 def missing_files(pattern: Path, frames: range) -> list[int]:
     """The frames for which there is no file."""
     try:

@@ -24,20 +24,34 @@ def _interpreters() -> list[Path]:
     return [path for path in sorted(ROOT.glob(".venv-bpy*/bin/python")) if path.is_file()]
 
 
-NEWEST = {"test_window", "test_seen_by_cycles", "test_sample_models", "test_mesh_exporters", "test_calibrating"}
-"""Modules of slow tests to which Blender's version makes no difference: they run in the newest that is there."""
+NEWEST = {
+    "test_animation",
+    "test_calibrating",
+    "test_endurance",
+    "test_holes",
+    "test_mesh_exporters",
+    "test_sample_models",
+    "test_seen_by_cycles",
+    "test_usd",
+    "test_window",
+    "test_a_moving_ball_is_blurred_as_in_cycles",
+}
+"""Slow tests and modules of such to which Blender's version makes no difference: they run in the newest that is there."""
+ENDS = {"test_real_lights", "test_referee"}
+"""Slow modules in which versions differ by what Blender added or removed: they run in the oldest and in the newest."""
 
 
 def pytest_collection_modifyitems(config, items):
     """Leave out what other versions of Blender would only repeat."""
-    newest = max(_interpreters(), default=None)
-    repeated = [
-        item
-        for item in items
-        if item.path.stem in NEWEST
-        and "blender" in getattr(item, "callspec", item).__dict__.get("params", {})
-        and item.callspec.params["blender"] != newest
-    ]
+    versions = sorted(_interpreters())
+    wanted = dict.fromkeys(NEWEST, versions[-1:]) | {name: [*versions[:1], *versions[-1:]] for name in ENDS}
+
+    def is_repeated(item):
+        blender = getattr(item, "callspec", item).__dict__.get("params", {}).get("blender")
+        names = {item.path.stem, item.originalname} & wanted.keys()
+        return blender is not None and any(blender not in wanted[name] for name in names)
+
+    repeated = [item for item in items if is_repeated(item)]
     config.hook.pytest_deselected(items=repeated)
     items[:] = [item for item in items if item not in repeated]
 

@@ -49,14 +49,6 @@ def test_a_process_that_was_killed_between_two_pictures_is_replaced(made):
     _assert_equal(folder / "after kill.exr", folder / "kept0002.exr")
 
 
-def test_a_process_that_was_cancelled_renders_the_next_picture(made):
-    folder, kept, _ = made
-    for stage in ("preparing", "progress"):
-        assert kept[f"cancelled at {stage}"] == [kept["after kill"], "done"]
-    assert kept["after cancel"] == kept["after kill"]
-    _assert_equal(folder / "after cancel.exr", folder / "kept0002.exr")
-
-
 def test_another_version_is_told_apart_and_nothing_is_left(made):
     _, kept, _ = made
     assert "9.8.7" in kept["other version"]

@@ -108,3 +108,26 @@ def test_exporting_leaves_the_file_as_it_was(exported):
     assert found["left as it was"] == [True] * 4
     assert "There is no panorama" in found["no panorama"]
     assert "orthographic" in found["orthographic"]
+
+
+def test_cameras_of_a_scene_file_come_back_as_they_were(exported):
+    folder, found = exported
+    given, again = (load_scene(folder / f"{name}.toml").cameras for name in ("given", "again"))
+    assert found["resolution"] == [96, 64, "lens"]
+    for name in ("lens", "looking", "cube", "youtube"):
+        before, after = given[name], again[name]
+        assert after.camera.type == before.camera.type
+        assert after.resolution == before.resolution
+        np.testing.assert_allclose(after.position, before.position, atol=2e-6, err_msg=name)
+        np.testing.assert_allclose(after.rotation, before.rotation, atol=2e-6, err_msg=name)
+    before, after = given["lens"].camera, again["lens"].camera
+    assert after.distortion == pytest.approx((-0.08, 0.012), rel=1e-6)
+    assert after.centre == pytest.approx((0.47, 0.56), abs=1e-6)
+    points = np.random.default_rng(0).uniform((-1, 2, -0.6), (1, 3, 0.6), (50, 3))
+    np.testing.assert_allclose(after.film_of(points)[0], before.film_of(points)[0], atol=1e-6)
+    assert again["looking"].camera.aperture == pytest.approx(0.01, rel=1e-5)
+    assert "a camera of type 'dome_master' has no counterpart in Blender" in found["said"]
+
+
+def test_a_panorama_type_that_is_not_rendered_is_named(exported):
+    assert "the panorama type Mirror Ball is not rendered" in exported[1]["mirror ball"]

@@ -40,28 +40,38 @@ def test_pass_indices_are_blenders(made):
     index, number = channels["IndexOB.X"], channels["Object ID.X"]
     assert set(np.unique(index)) == {0.0, 7.0}
     np.testing.assert_array_equal(index == 7.0, number == 1.0)
+    material = channels["IndexMA.X"]
+    assert set(np.unique(material)) == {0.0, 2.0, 3.0}
+    # The camera looks at the seam of the ball's halves, which is in the middle of the picture.
+    middle = material.shape[1] // 2
+    assert not (material[:, :middle] == 3.0).any()
+    assert not (material[:, middle:] == 2.0).any()
+    whole = channels["Coverage.Y"] == 1.0
+    assert (material[whole] > 0.0).all()
 
 
 def test_mattes_are_of_blenders_objects(made):
     folder, found = made
     channels = _channels(folder / "passes.exr")
     header = {key: value for part in read_exr(folder / "passes.exr") for key, value in part.header.items()}
-    for layer, name in (("CryptoObject", found["ball"]), ("CryptoAsset", "Toys")):
+    wanted = {"CryptoObject": [found["ball"]], "CryptoMaterial": ["Left", "Right"], "CryptoAsset": ["Toys"]}
+    for layer, names in wanted.items():
         manifests = [
             header[key[:-4] + "manifest"] for key, value in header.items() if str(value) == f"ViewLayer.{layer}"
         ]
-        assert [json.loads(manifest) for manifest in manifests] == [{name: f"{matte_id(name):08x}"}]
+        ids = {name: matte_id(name) for name in names}
+        assert [json.loads(manifest) for manifest in manifests] == [{name: f"{id_:08x}" for name, id_ in ids.items()}]
         share = np.zeros_like(channels["Coverage.Y"])
         for index in range(2):
             for number, part in ("RG", "BA"):
-                ids = channels[f"{layer}{index:02}.{number}"].view(np.uint32)
-                assert set(np.unique(ids)) <= {0, matte_id(name)}
-                share += np.where(ids == matte_id(name), channels[f"{layer}{index:02}.{part}"], 0.0)
+                here = channels[f"{layer}{index:02}.{number}"].view(np.uint32)
+                assert set(np.unique(here)) <= {0, *ids.values()}
+                share += np.where(here != 0, channels[f"{layer}{index:02}.{part}"], 0.0)
         # The mattes have more samples than the picture.
         coverage = channels["Coverage.Y"]
         assert share.sum() == pytest.approx(coverage.sum(), rel=0.05)
         np.testing.assert_allclose(share, coverage, atol=0.6)
-        assert share.max() == 1.0
+        assert share.max() == pytest.approx(1.0, abs=1e-6)
 
 
 def test_a_transparent_film_lies_over_the_photograph(made):

@@ -7,7 +7,7 @@ from lightdepth.scene.materials import VertexColors
 from lightdepth.scene.meshes import read_mesh_file
 from lightdepth.scene.meshes.geometry import face_areas
 
-FORMATS = {"obj", "obj-smooth", "ply", "ply-ascii", "stl", "stl-ascii", "glb", "gltf", "draco"}
+FORMATS = {"obj", "obj-smooth", "ply", "ply-ascii", "stl", "stl-ascii", "glb", "gltf", "draco", "usdc"}
 ORANGE = (0.5, 0.25, 0.0)
 
 
@@ -41,7 +41,7 @@ def test_sizes_and_areas_are_blenders(exported):
 
 def test_materials_are_blenders(exported):
     folder, objects = exported
-    for label in ("obj", "obj-smooth", "glb", "gltf", "draco"):
+    for label in ("obj", "obj-smooth", "glb", "gltf", "draco", "usdc"):
         (part,) = parts_of(folder, objects["monkey"]["files"][label])
         assert part.material.base_color == pytest.approx((0.8, 0.1, 0.1), abs=1e-6), label
         if label != "obj":  # Which has a Phong exponent, unless its PBR extensions are switched on.

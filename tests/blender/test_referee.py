@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 import lightdepth
+from lightdepth.film.frame import Frame
 from lightdepth.images.radiance import read_radiance
+from lightdepth.scene.frames import SceneFrames
+from lightdepth.sequence.shutter import Shutter
+from lightdepth.session.displays import MemoryDisplay
+from lightdepth.session.session import Job
 
 BLOCK = 4
 SAMPLES = 64
@@ -25,7 +30,7 @@ def _blocks(pixels: np.ndarray) -> np.ndarray:
 
 def compare(folder, name: str) -> tuple[float, float]:
     """Root mean square difference of blocks, and how much of it is noise, as shares of the mean radiance."""
-    frame = lightdepth.render(lightdepth.load_scene(folder / f"{name}.toml"), camera="Camera", samples=SAMPLES)
+    frame = _rendered(folder / f"{name}.toml")
     seeds = [read_radiance(folder / f"{name}.{seed}.exr") for seed in (0, 1)]
     truth = 0.5 * (seeds[0] + seeds[1])
     assert frame.beauty.shape == truth.shape
@@ -33,6 +38,17 @@ def compare(folder, name: str) -> tuple[float, float]:
     noise = 0.25 * np.mean(_blocks(seeds[0] - seeds[1]) ** 2) + np.mean(_blocks(frame.variance)) / BLOCK**2
     difference = np.mean(_blocks(frame.beauty - truth) ** 2)
     return math.sqrt(difference) / truth.mean(), math.sqrt(noise) / truth.mean()
+
+
+def _rendered(path) -> Frame:
+    """The scene's picture, of the middle frame of a sequence with its motion blur."""
+    frames, job = SceneFrames(path), Job(camera="Camera", samples=SAMPLES)
+    if frames.text.sequence is None:
+        return lightdepth.render(lightdepth.load_scene(path), camera="Camera", samples=SAMPLES)
+    number, shown = frames.sequence.first + 1, MemoryDisplay(layers=["variance"])
+    shutter = Shutter(frames.sequence, job, "cpu", lambda _, instant: frames.scene(instant))
+    shutter.blurred(number, frames.scene(number), job).render([shown], "cpu", lambda event: None)
+    return shown.frame
 
 
 def _judge(blender, folder, names: list[str]) -> None:
@@ -54,6 +70,10 @@ def _judge(blender, folder, names: list[str]) -> None:
 
 def test_a_few_scenes_are_as_cycles_shows_them(blender, tmp_path):
     _judge(blender, tmp_path, ORDINARY)
+
+
+def test_a_moving_ball_is_blurred_as_in_cycles(blender, tmp_path):
+    _judge(blender, tmp_path, ["moving_ball"])
 
 
 @pytest.mark.truth

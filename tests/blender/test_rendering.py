@@ -14,6 +14,7 @@ PASSES = {
     "Combined": "beauty",
     "Plate": "plate",
     "Change": "change",
+    "Shadow": "shadow",
     "Synthetic": "synthetic",
     "Coverage": "coverage",
     "Object ID": "object_id",

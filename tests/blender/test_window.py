@@ -17,12 +17,12 @@ PROGRAMS = {"Xvfb": "xvfb", "xdotool": "xdotool", "nm": "binutils"}
 
 
 @pytest.fixture(scope="module")
-def display():
+def display(folder):
     """A small display, as everything on it is drawn without a graphics card."""
     missing = [package for program, package in PROGRAMS.items() if shutil.which(program) is None]
     if missing:
         pytest.skip(f"Debian's packages {', '.join(missing)} are not installed")
-    command = ["Xvfb", "-displayfd", "1", "-screen", "0", "800x540x24", "-nolisten", "tcp"]
+    command = ["Xvfb", "-displayfd", "1", "-screen", "0", "800x540x24", "-nolisten", "tcp", "-fbdir", str(folder)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
         try:
             yield f":{server.stdout.readline().strip()}"
@@ -85,6 +85,18 @@ def test_f12_shows_its_progress_and_escape_keeps_what_there_is(found, folder):
         pixels = np.asarray(Image.open(folder / f"{name}.png"))
         assert pixels.shape[:2] == (32, width)
         assert pixels[..., :3].std() > 5.0
+
+
+def test_the_viewport_shows_what_is_placed_and_follows_it(found):
+    for name, (inside, shining) in found["green"].items():
+        assert inside > 0.97, name
+        assert shining > 0.9, name
+    assert list(found["green"]) == ["first", "moved", "turned"]
+
+
+def test_the_preview_and_f12_share_a_process(found):
+    assert found["F12 beside the preview"] == 44
+    assert found["preview's renderer"] == found["renderers after the preview"] == found["renderers after"]
 
 
 def test_no_panel_fails_to_draw(found):

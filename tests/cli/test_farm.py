@@ -4,8 +4,11 @@ import json
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
+from contextlib import ExitStack, contextmanager, suppress
 
 import pytest
 from typer.testing import CliRunner
@@ -13,10 +16,12 @@ from typer.testing import CliRunner
 from lightdepth.cli.farm import app
 from lightdepth.errors import InputError
 
+from . import one_node_slurm
 from .room_folder import edit, make_room
 
 PROGRAM = [sys.executable, "-c", "from lightdepth.cli.app import main; main()"]
 ENVIRONMENT = {**os.environ, "COLUMNS": "1000", "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+FAST = ("--draft", "--layers", "none", "--device", "cpu")
 
 
 def call(*command, **environment):
@@ -43,6 +48,23 @@ def scene(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def alone(scene, tmp_path_factory):
+    """The first three frames by one process."""
+    folder = tmp_path_factory.mktemp("alone")
+    made = call(*PROGRAM, "render", scene, "--frames", "1-3", "-o", folder / "shot.####.exr", *FAST)
+    assert made.returncode == 0, made.stderr
+    return folder
+
+
+def assert_delivered(folder, alone):
+    """The frames are those of one process, byte for byte, and nothing else is there."""
+    names = {path.name for path in alone.iterdir()}
+    assert {path.name for path in folder.iterdir()} == names
+    for name in names:
+        assert (folder / name).read_bytes() == (alone / name).read_bytes()
+
+
+@pytest.fixture(scope="module")
 def worker(tmp_path_factory):
     """The command as a machine of a farm has it."""
     path = tmp_path_factory.mktemp("bin") / "lightdepth"
@@ -65,12 +87,12 @@ def openjd(*arguments, **environment):
     return call(sys.executable, "-m", "openjd", *arguments, **environment)
 
 
-def test_an_open_job_is_checked_and_rendered_by_its_own_runner(scene, worker, tmp_path):
+def test_an_open_job_is_checked_and_rendered_by_its_own_runner(scene, worker, alone, tmp_path):
     """Two chunks; the first worker is killed after its first frame. Run again, nothing is lost or made twice."""
     out = tmp_path / "out of it"
     made = farm(
         "openjd", scene, tmp_path / "job", "--frames", "1-3", "--chunk", "2",
-        "-o", out / "shot.####.exr", "--draft", "--layers", "none", "--device", "cpu",
+        "-o", out / "shot.####.exr", *FAST,
     )  # fmt: skip
     assert "3 frames in 2 chunks" in made
     template = tmp_path / "job" / "template.json"
@@ -89,15 +111,7 @@ def test_an_open_job_is_checked_and_rendered_by_its_own_runner(scene, worker, tm
     run = openjd(*command)
     assert run.returncode == 0, run.stdout + run.stderr
     assert first.stat().st_mtime_ns == made_at
-    assert {path.name for path in out.iterdir()} == {
-        f"shot.000{n}.{kind}" for n in (1, 2, 3) for kind in ("exr", "png")
-    }
-    # The chunks are those of the engine, and what it rendered is what the command would.
-    verified = call(
-        *PROGRAM, "render", scene, "--frames", "1-3", "-o", out / "shot.####.exr", "--draft", "--layers", "none",
-        "--verify",
-    )  # fmt: skip
-    assert verified.returncode == 0, verified.stderr
+    assert_delivered(out, alone)  # The chunks are those of the engine.
 
 
 def test_frames_with_gaps_are_an_open_job_too(scene, tmp_path):
@@ -127,6 +141,90 @@ def test_each_task_of_a_slurm_array_has_its_chunk(scene, tmp_path):
         output = tmp_path / "o u t" / "shot.####.exr"
         wanted = ["render", scene, "--frames", frames, "-o", output, "--samples", "8", "--progress", "none"]
         assert called.stdout.splitlines() == list(map(str, wanted)), called.stderr
+
+
+@pytest.mark.skipif(not one_node_slurm.is_installed(), reason="Slurm and MUNGE are not installed (slurm-wlm, munge)")
+def test_slurm_renders_its_array(scene, worker, alone, tmp_path_factory):
+    """A real one, with a folder of a short name: those of sockets are limited."""
+    folder = tmp_path_factory.mktemp("slurm")
+    out, script = folder / "out", folder / "shot.sh"
+    farm("slurm", scene, script, "--frames", "1-3", "--chunk", "2", "-o", out / "shot.####.exr", *FAST)
+    with one_node_slurm.slurm(folder) as environment:
+        paths = {"PATH": f"{worker.parent}:{environment['PATH']}", "SLURM_CONF": environment["SLURM_CONF"]}
+        ended = call("sbatch", "--wait", f"--output={folder}/%a.log", script, **paths)
+    logs = [(folder / f"{task}.log").read_text() for task in range(2)]
+    assert ended.returncode == 0, logs
+    assert_delivered(out, alone)
+
+
+@contextmanager
+def started(*command):
+    """A process in a group of its own, with its lines; ended with all that it has started."""
+    process = subprocess.Popen(
+        [*map(str, command)], env=ENVIRONMENT, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    try:
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def test_dask_delivers_every_frame_though_a_worker_is_killed(scene, alone, tmp_path):
+    """A scheduler and two workers; the one that has made frame 1 is killed with its command, as a lost machine is."""
+    pytest.importorskip("distributed", reason="of the extra farm")
+    dask, file = (sys.executable, "-m", "dask"), tmp_path / "scheduler.json"
+    of_scheduler = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", file)
+    of_worker = ("--scheduler-file", file, "--no-nanny", "--nthreads", "1", "--no-dashboard", "--death-timeout", "60")
+    with ExitStack() as processes:
+        processes.enter_context(started(*dask, "scheduler", *of_scheduler))
+        wait_until(file.exists)
+        workers = {
+            name: processes.enter_context(
+                started(*dask, "worker", *of_worker, "--name", name, "--local-directory", tmp_path / name)
+            )
+            for name in ("a", "b")
+        }
+        out = tmp_path / "out"
+        submitting = processes.enter_context(
+            started(
+                *PROGRAM, "farm", "dask", scene, "--scheduler", file, "--frames", "1-3", "--chunk", "3",
+                "-o", out / "shot.####.exr", *FAST,
+            )
+        )  # fmt: skip
+        claim = out / "shot.0002.claim"
+        holder = os.getpgid(json.loads(wait_until(lambda: content_of(claim)))["pid"])
+        assert holder in [worker.pid for worker in workers.values()]
+        os.killpg(holder, signal.SIGKILL)
+        made_at = (out / "shot.0001.exr").stat().st_mtime_ns
+        errors = submitting.stderr.read()
+        assert submitting.wait() == 0, errors
+    assert "rendered 3 frames" in errors
+    assert (out / "shot.0001.exr").stat().st_mtime_ns == made_at
+    assert_delivered(out, alone)
+
+
+def wait_until(happened):
+    until = time.monotonic() + 400.0
+    while not (found := happened()):
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    return found
+
+
+def content_of(file):
+    """What is in a file that comes and goes, as far as it is there."""
+    try:
+        return file.read_text()
+    except FileNotFoundError:
+        return ""
+
+
+def test_a_scheduler_that_is_not_there_is_named(scene):
+    pytest.importorskip("distributed", reason="of the extra farm")
+    with pytest.raises(InputError, match="--scheduler nowhere: no Dask scheduler answers there"):
+        farm("dask", scene, "--scheduler", "nowhere", "--frames", "1-4", "-o", "shot.####.exr")
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,10 @@ def folder(tmp_path):
     write_scan(tmp_path / "scan.las")
     write_scan(tmp_path / "scan.laz")
     (tmp_path / "scan.e57").write_bytes(b"ASTM-E57")
-    make_room(tmp_path)
+    text = make_room(tmp_path).read_text()
+    ball = 'shape = "sphere"\ncenter = [0.5, 1.0, 0.3]\nradius = 0.3'
+    (tmp_path / "usd.toml").write_text(text.replace(ball, 'mesh = "thing.usdc"'))
+    (tmp_path / "thing.usdc").write_bytes(b"PXR-USDC")
     return tmp_path
 
 
@@ -48,6 +51,12 @@ POINTS = ["--position", "0,0,1", "-o", "meshes"]
         ("pymeshlab", "points", ["reconstruct", "from-points", "scan.las", *POINTS]),
         ("av", "video", ["deliver", "a.####.exr", "--as", "360", "-o", "x.mp4"]),
         ("PyOpenColorIO", "colour", ["deliver", "a.exr", "--as", "stills", "-o", "x.png", "--ocio", "ocio://default"]),
+        ("pxr", "usd", ["check", "usd.toml"]),
+        (
+            "distributed",
+            "farm",
+            ["farm", "dask", "scene.toml", "--scheduler", "x", "--frames", "1", "-o", "x.####.exr"],
+        ),
         ("mitsuba_oidn", "denoise", ["render", "scene.toml", "--denoise", "-o", "x.exr"]),
     ],
 )

@@ -14,7 +14,7 @@ from lightdepth.film.layers import read_frame
 from .room_folder import edit, make_room
 
 PROGRAM = [sys.executable, "-c", "from lightdepth.cli.app import main; main()"]
-KILLS = 10
+KILLS = 6
 SMALL_PASSES = """
 [render.parameters.film]
 paths_at_once = 4096
@@ -71,7 +71,7 @@ def test_killed_at_random_moments_nothing_is_lost(scene, uninterrupted, tmp_path
         for line in process.stdout:
             if '"event": "progress"' in line:
                 fractions.append(float(line.split('"fraction": ')[1].split(",")[0]))
-                time.sleep(choose.uniform(0.0, 0.02))  # A pass or two: ten lives must not be enough to finish.
+                time.sleep(choose.uniform(0.0, 0.02))  # A pass or two: these lives must not be enough to finish.
                 process.kill()
                 break
         process.communicate()

@@ -31,10 +31,19 @@ CAMERAS = {
     "ods": {"type": "ods", "width": 128, "layout": "top-bottom"},
     "side": {"type": "ods", "width": 256, "layout": "side-by-side"},
     "dome": {"type": "fisheye", "width": 64, "fov": 180.0, "mapping": "equidistant"},
+    "master": {"type": "dome_master", "width": 64, "fov": 180.0, "tilt": 15.0},
     "view": {"type": "perspective", "width": 96, "height": 64},
     "odd": {"type": "perspective", "width": 97, "height": 65},
 }
-SIZES = {"pano": (128, 64), "ods": (128, 128), "side": (256, 64), "dome": (64, 64), "view": (96, 64), "odd": (97, 65)}
+SIZES = {
+    "pano": (128, 64),
+    "ods": (128, 128),
+    "side": (256, 64),
+    "dome": (64, 64),
+    "master": (64, 64),
+    "view": (96, 64),
+    "odd": (97, 65),
+}
 ORANGE = np.float32([0.8, 0.2, 0.05])
 
 
@@ -256,6 +265,14 @@ def test_a_dome_master_is_numbered_and_described(shots, tmp_path, command, suffi
         "Frame rate: 29.97 per second (30000/1001)",
     ):
         assert line + "\n" in text
+
+
+def test_a_dome_master_camera_needs_no_turn_to_the_zenith(shots, tmp_path, command):
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", InputWarning)
+        errors = delivered(command, shots / "master.####.exr", "--as", "dome-master", "-o", tmp_path / "Show.png")
+    assert "above the horizon" not in errors
+    assert "Dome tilt: 15 degrees\n" in (tmp_path / "Show.txt").read_text()
 
 
 def exif(path):

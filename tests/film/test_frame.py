@@ -227,12 +227,13 @@ def test_the_shadow_multiplies_the_plate():
     assert frame.shadow[13, 6:9, 0].tolist() == [1.0, 1.0, 0.0]
 
 
-def test_matrices_are_those_of_the_camera():
+@pytest.mark.parametrize("lens", [{"shift": (0.1, -0.2)}, {"principal_point": (0.4, 0.35)}])
+def test_matrices_are_those_of_the_camera(lens):
     """A point is where the camera's own rays show it, by the standard's convention: row vectors, z forward."""
     start("cpu")
     import mitsuba as mi
 
-    camera = Perspective(type="perspective", width=40, height=30, fov=70, shift=(0.1, -0.2))
+    camera = Perspective(type="perspective", width=40, height=30, fov=70, **lens)
     view = Viewpoint(camera, np.array([1.0, -2.0, 3.0]), euler_rotation([20.0, -30.0, 140.0]))
     place = view.position + view.rotation @ np.array([0.3, 2.0, -0.2])
     panorama = Viewpoint(Equirectangular(type="equirectangular", width=8), np.zeros(3), np.eye(3))

@@ -1,7 +1,9 @@
 """An 8192 x 4096 panorama in and out: memory and time of all, by the command and in Python. Slow: some minutes."""
 
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -53,3 +55,28 @@ def test_memory_and_time(tmp_path, way, samples, role):
     print(f"{samples} samples: peak {peak:.0f} MiB, {seconds:.0f} s in all")
     assert peak <= MOST_MEBIBYTES
     assert (tmp_path / "out.exr").stat().st_size > 2**28
+
+
+CAMERA = """
+[camera.theatre]
+type = "dome_master"
+width = 8192
+rotation = [-20, 0, 0]
+tilt = 10
+"""
+
+
+@pytest.mark.truth
+def test_a_dome_master_of_the_demo(tmp_path):
+    """All layers; 12 % of its pixels are new, and lie all over it."""
+    shutil.copytree(Path(__file__).parents[2] / "examples/lounge", tmp_path / "lounge")
+    scene = tmp_path / "lounge/scene.toml"
+    scene.write_text(scene.read_text() + CAMERA)
+    way = COMMAND.replace('"-o"', '"--camera", "theatre", "-o"')
+    run = subprocess.run(
+        [sys.executable, "-c", RUN.format(way=way), scene, tmp_path / "out.exr", "1"],
+        stdout=subprocess.PIPE, text=True, check=True,
+    )  # fmt: skip
+    peak = float(run.stdout.splitlines()[-1].split()[0])
+    print(f"peak {peak:.0f} MiB")
+    assert peak <= MOST_MEBIBYTES

@@ -28,7 +28,7 @@ from lightdepth.recovery.unseen_albedo import recover_unseen  # noqa: E402
 from tests.transport.places import lamp_image, room  # noqa: E402
 
 WIDTH, SAMPLES = 48, 256
-PHOTOGRAPH = (256, 128)
+PHOTOGRAPH = (256, 64)
 
 
 def looking(position, look_at, *objects, fov=70):

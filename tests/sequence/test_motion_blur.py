@@ -2,6 +2,7 @@
 
 import json
 import math
+import time
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from lightdepth.kernel.start import start
 
 start("cpu")
 
+from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.errors import InputError  # noqa: E402
 from lightdepth.film.cryptomatte import Mattes  # noqa: E402
 from lightdepth.film.frame import Frame  # noqa: E402
@@ -23,6 +25,9 @@ from lightdepth.sequence.fingerprint import State  # noqa: E402
 from lightdepth.sequence.motion_blur import MotionBlur  # noqa: E402
 from lightdepth.sequence.numbering import FrameFiles  # noqa: E402
 from lightdepth.sequence.rendering import SequenceJob, SequenceRendering  # noqa: E402
+from lightdepth.serve.worker import Worker  # noqa: E402
+from lightdepth.session.displays import MemoryDisplay  # noqa: E402
+from lightdepth.session.events import SCHEMA, Progress  # noqa: E402
 from lightdepth.session.session import Job  # noqa: E402
 from tests.cli.room_folder import edit, make_room, write_panorama  # noqa: E402
 
@@ -92,6 +97,20 @@ def test_the_picture_is_the_mean_of_pictures(travels):
         assert blurred.plate.tobytes() == plates[0].tobytes()
 
 
+def test_where_a_part_of_the_time_is_missing_the_rest_counts_for_it():
+    rng = np.random.default_rng(4)
+    frame = random_frame(rng, rng.random((4, 6, 3)).astype(np.float32))
+    mean = ShutterMean(middle=2)
+    assert mean.is_empty
+    for share in (0.25, 0.125):
+        mean.add(frame, share)
+    part = mean.frame()
+    np.testing.assert_allclose(part.beauty, frame.beauty, atol=1e-6)
+    np.testing.assert_allclose(part.mattes.shares, frame.mattes.shares, rtol=1e-6)
+    np.testing.assert_allclose(part.variance, 0.5 * (2 / 3) ** 2 + 0.5 * (1 / 3) ** 2, rtol=1e-6)
+    assert (part.samples == 6).all()
+
+
 @pytest.fixture(scope="module")
 def moving(tmp_path_factory):
     """A lit pane, square to the camera `view`, that moves 8 of its pixels in a frame; `travel` moves itself."""
@@ -155,9 +174,49 @@ def test_a_travelling_camera_blurs_the_photograph_as_well(moving, tmp_path):
     assert not np.allclose(frame.plate, places[2], rtol=1e-3)
 
 
-def rendered_plate(frames, instant):
-    from lightdepth.api import begin_rendering
+def answers(frames, **request):
+    """Events of a worker's request, by kind and without the id."""
+    told = []
+    hello = {"request": "hello", "schema": SCHEMA}
+    asked = {"request": "render", "id": "a", "scene": str(frames.path), "camera": "travel", "samples": 8} | request
 
+    def asking():
+        yield json.dumps(hello)
+        yield json.dumps(asked)
+        while not any(event["event"] in ("done", "failure") for event in told):
+            time.sleep(0.01)
+
+    Worker(lambda line: told.append(json.loads(line))).serve(asking())
+    return told
+
+
+def test_a_worker_renders_the_frame_of_the_sequence(moving, tmp_path):
+    expected = rendered(moving, "travel", tmp_path, samples=8)
+    *_, done = answers(moving, frame=2, output=str(tmp_path / "asked.exr"), preview_seconds=0.001)
+    assert (done["event"], done["interrupted"]) == ("done", False)
+    found = read_frame(tmp_path / "asked.exr")
+    assert found.metadata["instants"] == "4"
+    for name in ("plate", "change", "synthetic", "coverage", "variance"):
+        assert getattr(found, name).tobytes() == getattr(expected, name).tobytes(), name
+    *_, failure = answers(moving, frame=4, output=str(tmp_path / "none.exr"))
+    assert "frame: 4 is outside the [sequence], which has frames 1 to 3" in failure["message"]
+
+
+def test_a_blurred_frame_is_cancelled_with_what_there_is(moving):
+    shown = MemoryDisplay()
+    blur = MotionBlur([moving.scene(frame) for frame in moving.sequence.opened(2, 4)], Job(camera="view", samples=8))
+
+    def stop(event):
+        if isinstance(event, Progress) and event.fraction > 0.3:
+            blur.cancel()
+
+    done = blur.render([shown], "cpu", stop)
+    assert done.interrupted
+    assert shown.finished
+    assert shown.frame.coverage.max() == pytest.approx(1.0, abs=1e-5)
+
+
+def rendered_plate(frames, instant):
     return begin_rendering(frames.scene(instant), "travel", cache=False).plate
 
 

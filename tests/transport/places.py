@@ -106,6 +106,27 @@ def picture(scene: Scene, camera: str, samples: int, seed: int) -> Frame:
     return begin_rendering(scene, camera, seed=seed).complete(samples, auxiliary=False)
 
 
+def one_pass(
+    scene: Scene, camera: str, seed: int, samples: int = 16, method: str = "difference", training: int = 1 << 12
+) -> Frame:
+    """The first of two equal rounds of a picture, which is one pass. Many small ones take no longer than a large one.
+
+    Args:
+        scene: what is seen.
+        camera: its name.
+        seed: of the random numbers.
+        samples: a pixel, up to the 16 of a first round.
+        method: of light transport.
+        training: paths for the radiance cache, which take longer than these pictures; the fewer, the more its cells err.
+    """
+    parameters = scene.render.parameters
+    film = replace(parameters.film, first_training_paths=training, fewest_training_paths=training)
+    scene = replace(scene, render=replace(scene.render, parameters=replace(parameters, film=film)))
+    rendering = begin_rendering(scene, camera, method=method, seed=seed)
+    next(rendering.run(2 * samples))
+    return rendering.frame(auxiliary=False)
+
+
 def with_floor_alone_as_support(scene: Scene) -> Scene:
     """The same room with walls and ceiling declared environment."""
     surface = scene.real[0]

@@ -5,6 +5,7 @@ import pytest
 
 from lightdepth.api import begin_rendering
 from lightdepth.kernel.start import start
+from lightdepth.parameters import FilmParameters, Parameters
 from lightdepth.scene.materials import Glass, Metal, MitsubaBsdf, Principled
 from tests.chance import enough, standard_errors
 from tests.transport.places import WHITE, ball, room
@@ -51,18 +52,24 @@ def lit_from_one_side():
 def pictures(scene, camera, method, seeds, samples):
     """Change and objects of several pictures, shape (seeds, height, width, 3), and the splats among them."""
     renderings = [begin_rendering(scene, camera, method=method, seed=seed) for seed in seeds]
-    frames = [rendering.complete(samples, auxiliary=False) for rendering in renderings]
+    for (
+        rendering
+    ) in renderings:  # The first of two equal rounds, which is one pass: more passes take longer than samples.
+        next(rendering.run(2 * samples))
+    frames = [rendering.frame(auxiliary=False) for rendering in renderings]
     splats = [sum(rendering._light.means(slice(None))[:2]).sum(dtype=np.float64) for rendering in renderings]
     return np.stack([frame.change + frame.synthetic for frame in frames]), np.array(splats)
 
 
 LIGHTS = {"even": 1.0, "from one side": lit_from_one_side()}
-FIRST, SAMPLES = 16, 8
-"""Pictures that say how many are needed, and their samples: with more, shared errors are estimated, which takes longer."""
+FIRST, SAMPLES = 12, 16
+"""Pictures that say how many are needed, and their samples: the most of a first round."""
 MOST = 128
 """Pictures at most. Where one of the first is an outlier and more would be wanted, a larger error is let pass that once."""
 CAUGHT = 0.25
 """Smallest error that is caught, relative to the light of splats."""
+FEW_TRAINING_PATHS = Parameters(film=FilmParameters(first_training_paths=1 << 12, fewest_training_paths=1 << 12))
+"""The radiance cache is right however it is trained, and trains longer than these pictures take."""
 BESIDE, BEFORE = ball(WHITE, (-0.35, 1.1, 0.25), 0.25), ball(WHITE, (-0.2, 0.8, 0.9), 0.3)
 """Another ball, out of the light's way, or half in it."""
 
@@ -88,7 +95,7 @@ def test_every_weighting_gives_the_same_light(material, light, other, camera, me
     """
     # Light paths toward matte objects too: pdf ratios differ from material to material.
     monkeypatch.setattr(objects, "is_polished", lambda shape: True)
-    scene = room(LIGHTS[light], [ball(MATERIALS[material]), other], max_bounces=4)
+    scene = room(LIGHTS[light], [ball(MATERIALS[material]), other], max_bounces=4, parameters=FEW_TRAINING_PATHS)
 
     def sums(factor, seeds):
         share_light(monkeypatch, factor)

@@ -44,6 +44,41 @@ def write_pose(
     return scene.parent / panorama["image"]
 
 
+def write_further_pose(scene: Path, image: Path, rotation: Sequence[float], position: Sequence[float]) -> None:
+    """Put the pose of a further panorama into a scene file: into the ``[[panorama]]`` of its image, or into a new one.
+
+    Args:
+        scene: the scene file; it is replaced whole or not at all.
+        image: the panorama.
+        rotation: light space to world, XYZ Euler, degrees, three numbers.
+        position: capture point, world, metres, three numbers.
+
+    Raises:
+        InputError: the file is missing, is not TOML, has no other panorama as its first, or cannot be written.
+    """
+    document = read_document(scene)
+    first = first_panorama(document)
+    if not isinstance(first, dict) or not isinstance(first.get("image"), str):
+        raise InputError(f"{scene}: has no [panorama] table with an image; write one, then calibrate")
+    tables = document["panorama"]
+    if not isinstance(tables, list):
+        listed = tomlkit.aot()
+        listed.append(tables)
+        document["panorama"] = tables = listed
+    named = [(scene.parent / str(table.get("image"))).resolve() for table in tables]
+    if named[0] == image.resolve():
+        raise InputError(f"{scene}: {image} is its first panorama, to which another one is related")
+    if image.resolve() in named:
+        table = tables[named.index(image.resolve())]
+    else:
+        table = tomlkit.table()
+        table["image"] = Path(os.path.relpath(image.resolve(), scene.resolve().parent)).as_posix()
+        tables.append(table)
+    table["position"], table["rotation"] = _numbers(position), _numbers(rotation)
+    with whole_file(scene) as temporary:
+        temporary.write_bytes(document_bytes(document))
+
+
 def write_camera(scene: Path, name: str, values: Mapping[str, Any]) -> None:
     """Put a perspective camera into a scene file: into its ``[camera.NAME]`` table, or into a new one.
 

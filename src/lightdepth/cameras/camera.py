@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,11 +11,10 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from lightdepth.cameras.topology import Flat, Topology
+from lightdepth.quantities import Angles, Coordinates
 
 if TYPE_CHECKING:
     import mitsuba as mi
-
-Vector3 = tuple[float, float, float]
 
 
 @dataclass
@@ -50,8 +48,8 @@ class Camera(BaseModel, ABC):
 
     type: Any
     width: int = Field(gt=0, le=65536)
-    position: Vector3 | None = None
-    rotation: Vector3 | None = None
+    position: Coordinates | None = None
+    rotation: Angles | None = None
 
     @property
     @abstractmethod
@@ -96,20 +94,6 @@ class Camera(BaseModel, ABC):
 
         angle = self.pixel_angle(mi.Vector3f(0.0, 1.0, 0.0)).numpy()[0]
         return float(np.radians(1.0 / np.sqrt(angle)))
-
-    def sees(self, points: Sequence[NDArray[np.float32]]) -> NDArray[np.bool_]:
-        """Whether points are in the picture, through the middle of the lens.
-
-        Args:
-            points: their coordinates in camera space, metres, three arrays of shape (n,), aligned.
-
-        Returns:
-            Shape (n,).
-        """
-        import mitsuba as mi
-
-        inside = self.film_point(mi.Point3f(*map(mi.Float, points)), mi.Point2f(0.5)).inside.numpy()
-        return np.array(np.broadcast_to(inside, len(points[0])))
 
     @property
     def has_aperture(self) -> bool:

@@ -8,9 +8,9 @@ from pydantic import Field, model_validator
 
 from lightdepth.cameras.camera import FilmPoint
 from lightdepth.cameras.dome import LARGEST, WIDEST, Dome
-from lightdepth.cameras.stereo import EYES, Layout, Stereo
-from lightdepth.cameras.topology import Pictures
+from lightdepth.cameras.stereo import Layout, Stereo
 from lightdepth.cameras.viewing_circle import Elevations, ViewingCircle, check_circle
+from lightdepth.quantities import Length
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -28,7 +28,7 @@ class DomeStereo(Stereo):
     width: int = Field(gt=0, le=2 * LARGEST)
     fov: float = Field(default=180.0, gt=0.0, le=WIDEST)
     tilt: float = Field(default=0.0, ge=0.0, le=90.0)
-    convergence_distance: float | None = Field(default=None, gt=0.0)
+    convergence_distance: Length | None = None
     zenith_merge: Elevations = (60.0, 75.0)
     layout: Layout = "separate"
 
@@ -42,10 +42,6 @@ class DomeStereo(Stereo):
     @property
     def eye_height(self) -> int:  # noqa: D102
         return self.eye_width
-
-    @property
-    def topology(self) -> Pictures:  # noqa: D102
-        return Pictures(self.charts, EYES, self.parts)
 
     def eye_rays(  # noqa: D102
         self, right: mi.Bool, film: mi.Point2f, lens: mi.Point2f

@@ -10,6 +10,7 @@ from lightdepth.cameras.camera import FilmPoint
 from lightdepth.cameras.stereo import EYES, Stereo
 from lightdepth.cameras.topology import Spherical
 from lightdepth.cameras.viewing_circle import Elevations, ViewingCircle, check_circle
+from lightdepth.quantities import Length
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -24,7 +25,7 @@ class OmnidirectionalStereo(Stereo):
 
     type: Literal["ods"]
     width: int = Field(gt=0, le=65536, multiple_of=4)
-    convergence_distance: float | None = Field(default=None, gt=0.0)
+    convergence_distance: Length | None = None
     zenith_merge: Elevations = (60.0, 75.0)
     nadir_merge: Elevations = (60.0, 75.0)
 

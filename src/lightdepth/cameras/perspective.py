@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from lightdepth.cameras.camera import Camera, FilmPoint, Vector3
+from lightdepth.cameras.camera import Camera, FilmPoint
 from lightdepth.cameras.distortion import RadialDistortion
+from lightdepth.quantities import FARTHEST, Coefficient, Coordinates, FilmOffset, Length
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -35,12 +36,12 @@ class Perspective(Camera):
     type: Literal["perspective"]
     height: int = Field(gt=0, le=65536)
     fov: float = Field(default=60.0, gt=0.0, lt=180.0)
-    look_at: Vector3 | None = None
-    aperture: float = Field(default=0.0, ge=0.0)
-    focus_distance: float | None = Field(default=None, gt=0.0)
-    shift: tuple[float, float] = (0.0, 0.0)
-    principal_point: tuple[float, float] | None = None
-    distortion: tuple[float, float] = (0.0, 0.0)
+    look_at: Coordinates | None = None
+    aperture: float = Field(default=0.0, ge=0.0, le=FARTHEST)
+    focus_distance: Length | None = None
+    shift: FilmOffset = (0.0, 0.0)
+    principal_point: FilmOffset | None = None
+    distortion: tuple[Coefficient, Coefficient] = (0.0, 0.0)
 
     @model_validator(mode="after")
     def _one_orientation_and_a_focus(self) -> Perspective:
@@ -198,14 +199,15 @@ class Perspective(Camera):
         squared = dr.minimum(squared, self._largest_square)
         return self._lens.scale(squared) * self._lens.slope(squared)
 
-    def projection_matrix(self) -> NDArray[np.float64]:  # noqa: D102
+    def projection_matrix(self) -> NDArray[np.float64]:
+        """As for any camera; of a lens that distorts, the matrix of the picture without its distortion."""
         across = 0.5 / self._half_width()
         aspect = self.width / self.height
         return np.array(
             [
                 [across, 0.0, 0.0, 0.0],
                 [0.0, -across * aspect, 0.0, 0.0],
-                [0.5 - self.shift[0], 0.5 + self.shift[1] * aspect, 1.0, 1.0],
+                [*self.centre, 1.0, 1.0],
                 [0.0, 0.0, -NEAR, 0.0],
             ]
         )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import field_validator, model_validator
 
 from lightdepth.cameras.camera import Camera, FilmPoint
-from lightdepth.cameras.topology import Rectangle
+from lightdepth.cameras.topology import Pictures, Rectangle, Topology
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -69,6 +69,19 @@ class Stereo(Camera):
     def parts(self) -> tuple[str, ...]:
         """Names of the charts that become files of their own."""
         return EYES if self.layout == "separate" else ()
+
+    @property
+    def topology(self) -> Topology:
+        """By default, two pictures that end at their edges."""
+        return Pictures(self.charts, EYES, self.parts)
+
+    def standing_eye(self, right: mi.Bool) -> mi.Point3f:
+        """Where eyes are that do not turn with the direction of view: beside each other along x, camera space, metres."""
+        import drjit as dr
+        import mitsuba as mi
+
+        half = 0.5 * self.interocular_distance
+        return mi.Point3f(dr.select(right, half, -half), 0.0, 0.0)
 
     @abstractmethod
     def eye_rays(self, right: mi.Bool, film: mi.Point2f, lens: mi.Point2f) -> tuple[mi.Point3f, mi.Vector3f, mi.Bool]:

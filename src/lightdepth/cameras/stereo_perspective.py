@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field, model_validator
 
-from lightdepth.cameras.camera import FilmPoint, Vector3
+from lightdepth.cameras.camera import FilmPoint
 from lightdepth.cameras.perspective import Perspective
-from lightdepth.cameras.stereo import EYES, Layout, Stereo
-from lightdepth.cameras.topology import Pictures
+from lightdepth.cameras.stereo import Layout, Stereo
+from lightdepth.quantities import FARTHEST, Coordinates, FilmOffset, Length
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -29,11 +29,11 @@ class StereoPerspective(Stereo):
     type: Literal["stereo_perspective"]
     height: int = Field(gt=0, le=65536)
     fov: float = Field(default=60.0, gt=0.0, lt=180.0)
-    look_at: Vector3 | None = None
-    aperture: float = Field(default=0.0, ge=0.0)
-    focus_distance: float | None = Field(default=None, gt=0.0)
-    shift: tuple[float, float] = (0.0, 0.0)
-    convergence_distance: float | None = Field(default=None, gt=0.0)
+    look_at: Coordinates | None = None
+    aperture: float = Field(default=0.0, ge=0.0, le=FARTHEST)
+    focus_distance: Length | None = None
+    shift: FilmOffset = (0.0, 0.0)
+    convergence_distance: Length | None = None
     layout: Layout = "side-by-side"
 
     @model_validator(mode="after")
@@ -49,10 +49,6 @@ class StereoPerspective(Stereo):
     def eye_height(self) -> int:  # noqa: D102
         return self.height // 2 if self.layout == "top-bottom" else self.height
 
-    @property
-    def topology(self) -> Pictures:  # noqa: D102
-        return Pictures(self.charts, EYES, self.parts)
-
     def eye_rays(  # noqa: D102
         self, right: mi.Bool, film: mi.Point2f, lens: mi.Point2f
     ) -> tuple[mi.Point3f, mi.Vector3f, mi.Bool]:
@@ -61,13 +57,13 @@ class StereoPerspective(Stereo):
 
         moved = mi.Point2f(film.x - dr.select(right, self._inward, -self._inward), film.y)
         origin, direction, inside = self._camera.camera_rays(moved, lens)
-        return origin + self._eye(right), direction, inside
+        return origin + self.standing_eye(right), direction, inside
 
     def eye_point(self, right: mi.Bool, target: mi.Point3f, lens: mi.Point2f) -> FilmPoint:  # noqa: D102
         import drjit as dr
         import mitsuba as mi
 
-        eye = self._eye(right)
+        eye = self.standing_eye(right)
         seen = self._camera.film_point(mi.Point3f(target - eye), lens)
         film = mi.Point2f(seen.film.x + dr.select(right, self._inward, -self._inward), seen.film.y)
         inside = (target.y > 0.0) & (film.x >= 0.0) & (film.x < 1.0) & (film.y >= 0.0) & (film.y < 1.0)
@@ -106,10 +102,3 @@ class StereoPerspective(Stereo):
             return 0.0
         slope = 0.5 * self.interocular_distance / self.convergence_distance
         return 0.5 * slope / math.tan(math.radians(0.5 * self.fov))
-
-    def _eye(self, right: mi.Bool) -> mi.Vector3f:
-        import drjit as dr
-        import mitsuba as mi
-
-        half = 0.5 * self.interocular_distance
-        return mi.Vector3f(dr.select(right, half, -half), 0.0, 0.0)

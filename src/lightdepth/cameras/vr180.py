@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Literal
 
 from lightdepth.cameras.camera import FilmPoint
-from lightdepth.cameras.stereo import EYES, Layout, Stereo
-from lightdepth.cameras.topology import Pictures
+from lightdepth.cameras.stereo import Layout, Stereo
 
 if TYPE_CHECKING:
     import mitsuba as mi
@@ -26,10 +25,6 @@ class VR180(Stereo):
     def eye_height(self) -> int:  # noqa: D102
         return self.eye_width
 
-    @property
-    def topology(self) -> Pictures:  # noqa: D102
-        return Pictures(self.charts, EYES, self.parts)
-
     def eye_rays(  # noqa: D102
         self, right: mi.Bool, film: mi.Point2f, lens: mi.Point2f
     ) -> tuple[mi.Point3f, mi.Vector3f, mi.Bool]:
@@ -39,13 +34,13 @@ class VR180(Stereo):
         sin_theta, cos_theta = dr.sincos(dr.pi * film.y)
         sin_phi, cos_phi = dr.sincos(dr.pi * (film.x - 0.5))
         direction = mi.Vector3f(sin_theta * sin_phi, sin_theta * cos_phi, cos_theta)
-        return self._eye(right), direction, mi.Bool(True)
+        return self.standing_eye(right), direction, mi.Bool(True)
 
     def eye_point(self, right: mi.Bool, target: mi.Point3f, lens: mi.Point2f) -> FilmPoint:  # noqa: D102
         import drjit as dr
         import mitsuba as mi
 
-        origin = self._eye(right)
+        origin = self.standing_eye(right)
         direction = dr.normalize(mi.Vector3f(target - origin))
         x, y = 0.5 + dr.atan2(direction.x, direction.y) / dr.pi, dr.safe_acos(direction.z) / dr.pi
         return FilmPoint(origin, mi.Point2f(x, y), direction.y >= 0.0, mi.Float(1.0))
@@ -54,10 +49,3 @@ class VR180(Stereo):
         import drjit as dr
 
         return dr.pi * dr.pi * dr.safe_sqrt(1.0 - dr.square(direction.z))
-
-    def _eye(self, right: mi.Bool) -> mi.Point3f:
-        import drjit as dr
-        import mitsuba as mi
-
-        half = 0.5 * self.interocular_distance
-        return mi.Point3f(dr.select(right, half, -half), 0.0, 0.0)

@@ -125,12 +125,12 @@ def refine_circle(circle: Circle, radiance: NDArray[np.float32]) -> Circle:
         return circle
     points = np.array([circle.x, circle.y]) + outward[good] * (radii[last[good]] + 0.125)[:, None]
     for tolerance in (2.0, 1.0, 0.5):
-        fitted = _through(points)
+        fitted = circle_through(points)
         near = _distance(points, fitted) < tolerance
         if near.sum() < 90:
             break
         points = points[near]
-    return _through(points)
+    return circle_through(points)
 
 
 def _edge_points(light: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -157,16 +157,16 @@ def _fit(points: NDArray[np.float64], tolerance: float = 2.5) -> tuple[Circle, f
     rng = np.random.default_rng(0)
     best = np.zeros(len(points), dtype=bool)
     for _ in range(300):
-        circle = _through(points[rng.choice(len(points), 3, replace=False)])
+        circle = circle_through(points[rng.choice(len(points), 3, replace=False)])
         on_it = _distance(points, circle) < tolerance
         if on_it.sum() > best.sum():
             best = on_it
     if best.sum() < 3:
         return Circle(0.0, 0.0, 1.0), 0.0
-    return _through(points[best]), float(best.mean())
+    return circle_through(points[best]), float(best.mean())
 
 
-def _through(points: NDArray[np.float64]) -> Circle:
+def circle_through(points: NDArray[np.float64]) -> Circle:
     """Least-squares circle (Kasa's): ``x^2 + y^2 = 2 x x0 + 2 y y0 + k``."""
     system = np.column_stack([2.0 * points, np.ones(len(points))])
     x, y, k = np.linalg.lstsq(system, (points**2).sum(axis=1), rcond=None)[0]

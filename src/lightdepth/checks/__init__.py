@@ -13,6 +13,7 @@ from lightdepth.checks.inspection import (
     inspect_scene,
 )
 from lightdepth.checks.photographs import PhotographReport
+from lightdepth.checks.plate import PlateReport
 from lightdepth.checks.problem import Problem, Severity
 
 __all__ = [
@@ -20,6 +21,7 @@ __all__ = [
     "Hole",
     "Inspection",
     "PhotographReport",
+    "PlateReport",
     "Problem",
     "Severity",
     "find_problems",

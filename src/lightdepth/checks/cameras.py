@@ -47,6 +47,8 @@ def camera_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem]
             problems.append(Problem(Severity.WARNING, f"{where}: {message}"))
             continue
         nearest = min(views, key=lambda view: float(np.linalg.norm(camera.position - view.position)))
+        if scene.plate is not None and name == scene.plate.camera:
+            continue  # It has a picture of its own.
         soft, far = _softness(camera, scene), _far_away(camera, nearest, views)
         problems += [Problem(Severity.HINT, f"{where}: {message}") for message in (soft, far) if message is not None]
     return problems
@@ -134,4 +136,4 @@ def _directions(view: CameraView) -> NDArray[np.float64]:
     """Distributed over what a camera sees, unit, world, shape (n, 3)."""
     start()
     everywhere = sphere(4000)
-    return everywhere[view.camera.sees(aligned_columns(FAR_POINT * everywhere @ view.rotation))]
+    return everywhere[view.on_film(aligned_columns(view.position + FAR_POINT * everywhere))[1]]

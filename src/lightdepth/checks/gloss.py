@@ -29,7 +29,7 @@ def gloss_problems(scene: Scene) -> list[Problem]:
     def place() -> Place:
         traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
         gains = solve_gains(scene.panoramas, traced).gains
-        return Place(scene.panoramas, traced, suns=scene.lights, gains=gains)
+        return Place(scene.panoramas, traced, suns=scene.lights, gains=gains, parameters=scene.render.parameters.place)
 
     fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))

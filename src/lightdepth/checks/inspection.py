@@ -18,8 +18,10 @@ from lightdepth.checks.gloss import gloss_problems
 from lightdepth.checks.lights import light_problems
 from lightdepth.checks.objects import object_problems, standing_problems
 from lightdepth.checks.photographs import PhotographReport, compare_photographs, panorama_name, panorama_table
+from lightdepth.checks.plate import PlateReport, compare_plate
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
+from lightdepth.checks.removed import removed_problems
 from lightdepth.checks.sampling import object_mesh
 from lightdepth.checks.sequence import Findings, frames_to_check
 from lightdepth.checks.size import size_problems
@@ -43,11 +45,13 @@ class Inspection:
         problems: the worst first.
         coverage: ``None`` where the place has no geometry at all.
         photographs: how several of them compare; empty where there is one.
+        plate: how the plate compares with them; ``None`` without one.
     """
 
     problems: tuple[Problem, ...]
     coverage: Coverage | None
     photographs: tuple[PhotographReport, ...] = ()
+    plate: PlateReport | None = None
 
 
 def inspect_file(path: Path) -> Inspection:
@@ -146,19 +150,23 @@ class _CheckedPlace:
 
     Attributes:
         views: what the capture points see; empty where the place has no geometry at all.
+        free: what the first one would see of it without what is removed; ``None`` where ``views`` is empty.
         coverage: ``None`` there.
         photographs: how they compare.
         radiance: what is wrong with the panorama.
         others: what is wrong with the rest, where the capture point is right.
         objects: what is wrong with objects that were looked at in it, by their digest.
+        plates: what was found of plates that were looked at in it, by their digest.
     """
 
     views: tuple[CaptureView, ...]
+    free: CaptureView | None
     coverage: Coverage | None
     photographs: tuple[PhotographReport, ...]
     radiance: tuple[Problem, ...]
     others: tuple[Problem, ...]
     objects: dict[str, list[Problem]] = field(default_factory=dict)
+    plates: dict[str, tuple[list[Problem], PlateReport | None]] = field(default_factory=dict)
 
 
 _checked: OrderedDict[str, _CheckedPlace] = OrderedDict()
@@ -180,19 +188,21 @@ def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
         for problem in radiance_problems(panorama, panorama_table(scene, panorama))
     )
     if not scene.real and all(panorama.depth is None for panorama in scene.panoramas):
-        return _CheckedPlace((), None, (), radiance, ())
+        return _CheckedPlace((), None, None, (), radiance, ())
     views = tuple(look_around(scene, panorama) for panorama in scene.panoramas)
     coverages = [measure_coverage(view, scene, views) for view in views]
+    kept = tuple(surface for surface in scene.real if not surface.removed)
+    free = views[0] if len(kept) == len(scene.real) else look_around(replace(scene, real=kept))
     others = next((problems for problems in (hole_problems(each, unread) for each in coverages) if problems), [])
     photographs: tuple[PhotographReport, ...] = ()
     if not _misplaced(scene, views):  # Seen from a wrong point, everything else looks wrong as well.
-        others += [problem for surface in scene.real for problem in support_problems(surface, views)]
+        others += [problem for surface in kept for problem in support_problems(surface, views)]
         others += light_problems(scene, views[0])
         differences, photographs = compare_photographs(scene)
         others += differences
         if not any(problem.severity is Severity.ERROR for problem in differences):
             others += gloss_problems(scene)
-    return _CheckedPlace(views, coverages[0], photographs, radiance, tuple(others))
+    return _CheckedPlace(views, free, coverages[0], photographs, radiance, tuple(others))
 
 
 def _misplaced(
@@ -211,21 +221,29 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
     checked = _checked_place(scene, unread)
     problems = [*checked.radiance, *size_problems(scene.synthetic)]
-    if not checked.views:
+    if checked.free is None:
         return Inspection(tuple(problems), None)
     misplaced: list[Problem] = []
+    plate: PlateReport | None = None
     if scene.real:
         inside = (object_mesh(thing).vertices.mean(axis=0) for thing in scene.synthetic)
         misplaced = _misplaced(scene, checked.views, inside)
     problems += misplaced
     if not misplaced:
         problems += checked.others
+        if scene.plate is not None and not any(each.severity is Severity.ERROR for each in checked.others):
+            key = digest(scene.plate, scene.cameras[scene.plate.camera])
+            if key not in checked.plates:
+                checked.plates[key] = compare_plate(scene)
+            differences, plate = checked.plates[key]
+            problems += differences
         if scene.real:
-            problems += object_problems(scene.synthetic, checked.views[0], checked.objects)
+            problems += object_problems(scene.synthetic, checked.free, checked.objects)
             problems += camera_problems(scene, checked.views)
+            problems += removed_problems(scene, checked.views)
         if scene.real and hints:
-            problems += standing_problems(scene.synthetic, checked.views[0])
-    return Inspection(_worst_first(problems), checked.coverage, checked.photographs)
+            problems += standing_problems(scene.synthetic, checked.free)
+    return Inspection(_worst_first(problems), checked.coverage, checked.photographs, plate)
 
 
 def _worst_first(problems: Iterable[Problem]) -> tuple[Problem, ...]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.checks.view import CaptureView
@@ -16,6 +15,8 @@ POINTS = 4000
 """On each surface, at which it is looked whether a capture point sees it."""
 TOLERANCE = 0.005
 """Relative difference of distances up to which a point lies on the surface that is seen."""
+AROUND, FROM_POLE = 96, 48
+"""Edges around a round shape, and from pole to pole of a sphere."""
 
 
 def surface_points(
@@ -81,23 +82,39 @@ def _mesh_of(shape: AnalyticShape) -> Mesh:
 @cache
 def _unit_mesh(kind: str) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Vertices and faces of a shape of unit size as in Mitsuba: from -1 to 1, the cylinder open and from z = 0 to 1."""
-    angle = 2.0 * np.pi * np.arange(96) / 96
-    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(96)], axis=1)
-    here, after = np.arange(96), np.roll(np.arange(96), -1)
+    angle = 2.0 * np.pi * np.arange(AROUND) / AROUND
+    rim = np.stack([np.cos(angle), np.sin(angle), np.zeros(AROUND)], axis=1)
+    pole = np.array([[0.0, 0.0, 1.0]])
+    here, after = np.arange(AROUND), np.roll(np.arange(AROUND), -1)
     match kind:
         case "sphere":
-            unit = trimesh.creation.uv_sphere(radius=1.0, count=[48, 96])
+            polar = np.pi * np.arange(1, FROM_POLE) / FROM_POLE
+            rings = np.sin(polar)[:, None, None] * rim + np.cos(polar)[:, None, None] * pole
+            vertices = np.concatenate([rings.reshape(-1, 3), pole, -pole])
+            north, south, last = len(vertices) - 2, len(vertices) - 1, AROUND * (FROM_POLE - 2)
+            lower = np.concatenate([_band(here, after) + AROUND * ring for ring in range(FROM_POLE - 2)])
+            cap = np.stack([here, after, np.full(AROUND, north)], axis=1)
+            base = np.stack([after + last, here + last, np.full(AROUND, south)], axis=1)
+            faces = np.concatenate([lower[:, ::-1], cap, base])
         case "cube":
-            unit = trimesh.creation.box(extents=[2.0, 2.0, 2.0])
+            vertices = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij")).reshape(3, 8).T
+            quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+            faces = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
         case "cylinder":
-            sides = [np.stack([here, after, after + 96], axis=1), np.stack([here, after + 96, here + 96], axis=1)]
-            unit = trimesh.Trimesh(
-                np.concatenate([rim, rim + np.array([0.0, 0.0, 1.0])]), np.concatenate(sides), process=False
-            )
+            vertices = np.concatenate([rim, rim + pole])
+            faces = _band(here, after)
         case "disk":
-            fan = np.stack([np.full(96, 96), here, after], axis=1)
-            unit = trimesh.Trimesh(np.concatenate([rim, np.zeros((1, 3))]), fan, process=False)
+            vertices = np.concatenate([rim, np.zeros((1, 3))])
+            faces = np.stack([np.full(AROUND, AROUND), here, after], axis=1)
         case _:
-            square = [[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]]
-            unit = trimesh.Trimesh(square, [[0, 1, 2], [0, 2, 3]], process=False)
-    return np.asarray(unit.vertices, np.float64), np.asarray(unit.faces, np.int32)
+            vertices = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+            faces = np.array([[0, 1, 2], [0, 2, 3]])
+    return vertices, faces.astype(np.int32)
+
+
+def _band(here: NDArray[np.integer], after: NDArray[np.integer]) -> NDArray[np.integer]:
+    """Triangles between two rings of vertices, the second one above the first, seen from outside; shape (n, 3)."""
+    above = len(here)
+    return np.concatenate(
+        [np.stack([here, after, after + above], axis=1), np.stack([here, after + above, here + above], axis=1)]
+    )

@@ -20,6 +20,7 @@ from lightdepth.cli.doctor import doctor
 from lightdepth.cli.farm import app as farm
 from lightdepth.cli.lightmap import lightmap
 from lightdepth.cli.merge import merge
+from lightdepth.cli.mirror_ball import mirror_ball
 from lightdepth.cli.new import new
 from lightdepth.cli.preview import preview
 from lightdepth.cli.reconstruct import app as reconstruct
@@ -59,9 +60,14 @@ def _options(
 
 # Every command is listed here. The modules load nothing heavy before the command runs.
 app.command()(new)
+capture.app.command("mirror-ball")(mirror_ball)
 app.add_typer(capture.app, name="capture")
 app.command()(preview)
-app.add_typer(calibrate, name="calibrate", help="Poses from clicks: of the panorama, or (view) of a photograph.")
+app.add_typer(
+    calibrate,
+    name="calibrate",
+    help="Poses from clicks: of the panorama, of a photograph (view), of a further panorama (second).",
+)
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
 app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
 app.command()(lightmap)

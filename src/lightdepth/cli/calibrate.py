@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from lightdepth.cli.calibrate_second import second
 from lightdepth.cli.calibrate_view import view
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ class _PanoramaByDefault(TyperGroup):
 
 app = typer.Typer(cls=_PanoramaByDefault)
 app.command("view")(view)
+app.command("second")(second)
 
 
 @app.command("panorama")
@@ -133,6 +135,7 @@ def calibrate(
     lightdepth calibrate lounge.exr --auto --camera-height 1.6 --picture check.png
 
     The camera of an ordinary photograph: lightdepth calibrate view --help
+    A second panorama of the same place: lightdepth calibrate second --help
     """
     import math
     from dataclasses import replace

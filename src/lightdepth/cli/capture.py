@@ -66,7 +66,7 @@ def merge(
         warn(f"{photographs[0]}: its colour profile '{profile}' is not applied; sRGB is assumed")
     bracket = list(zip(photographs, read_exposures(photographs, exposures), strict=True))
     given = load_response(response) if response else None
-    with _progress() as progress:
+    with shown_progress() as progress:
         found, source = (given, f"given ({response})") if given else shared_response([bracket], progress)
         merged = merge_bracket(bracket, found, _circle(circle), align, deghost, progress=progress)
     picture = write_image(output, merged.radiance, merged.seen)
@@ -189,7 +189,7 @@ def stitch(
         align=align,
         deghost=deghost,
     )
-    with _progress() as progress:
+    with shown_progress() as progress:
         shoot = read_shoot(images, merging, progress)
         options = Options(
             projection=lens or ("fisheye" if circle else "rectilinear"),
@@ -224,7 +224,7 @@ def _stitch_dual(
         raise InputError(
             "--lens rectilinear: shows no circle; allowed with --dual are fisheye, equisolid, stereographic"
         )
-    with _progress() as progress:
+    with shown_progress() as progress:
         shoot = read_shoot(images, merging, progress)
         if len(shoot.orientations) != 1:
             raise InputError(f"--dual takes one picture, or one bracket; there are {len(shoot.orientations)}")
@@ -271,7 +271,7 @@ def _distortion(text: str | None) -> tuple[float, float, float]:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[str, int, int], None]]:
+def shown_progress() -> Iterator[Callable[[str, int, int], None]]:
     """A bar on a terminal; elsewhere, as in a log, a line for every step and every tenth of one."""
     console = Console(stderr=True)
     if not console.is_terminal:

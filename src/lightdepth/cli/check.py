@@ -15,7 +15,7 @@ from rich.text import Text
 from lightdepth.errors import InputError
 
 if TYPE_CHECKING:
-    from lightdepth.checks import Inspection, PhotographReport
+    from lightdepth.checks import Inspection, PhotographReport, PlateReport
 
 COLORS = {"error": "bold red", "warning": "yellow", "hint": "cyan"}
 
@@ -35,8 +35,9 @@ def check(
     inspection = inspect_file(scene)
     problems, coverage = inspection.problems, inspection.coverage
     if as_json:
-        found = {"scene": str(scene), "problems": [asdict(problem) for problem in problems]}
+        found: dict[str, object] = {"scene": str(scene), "problems": [asdict(problem) for problem in problems]}
         found["photographs"] = [asdict(photograph) for photograph in inspection.photographs]
+        found["plate"] = None if inspection.plate is None else asdict(inspection.plate)
         typer.echo(json.dumps(found | {"coverage": None if coverage is None else asdict(coverage)}, indent=2))
     else:
         _print_report(scene, inspection)
@@ -65,9 +66,26 @@ def _print_report(scene: Path, inspection: Inspection) -> None:
         console.print(Text(f"seen by no panorama, of each surface's area: {parts}"))
         for number, photograph in enumerate(inspection.photographs, 1):
             console.print(Text(f"panorama {number}: {_comparison(photograph)}"))
+    if inspection.plate is not None:
+        console.print(Text(f"plate: {_plate(inspection.plate)}"))
     counts = {kind: sum(problem.severity == kind for problem in problems) for kind in COLORS}
     summary = ", ".join(f"{count} {kind}{'' if count == 1 else 's'}" for kind, count in counts.items() if count)
     console.print(Text(f"{scene}: {summary or 'no problems'}"))
+
+
+def _plate(plate: PlateReport) -> str:
+    """How the plate compares with the panoramas, in words."""
+    gain = " ".join(f"{value:.3g}" for value in plate.gain)
+    text = (
+        f"gain {gain}, {'as given' if plate.given else 'solved'}; {100 * plate.modelled:.1f} % of it shows a real surface, "
+        f"{100 * plate.seen:.1f} % what a panorama sees too"
+    )
+    if not plate.shared:
+        return text
+    return (
+        f"{text}; {plate.shared} parts compared, differing by {100 * plate.deviation:.1f} % typically, by more than a "
+        f"quarter in {100 * plate.disagrees:.1f} %"
+    )
 
 
 def _comparison(photograph: PhotographReport) -> str:

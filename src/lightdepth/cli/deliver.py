@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
+from lightdepth.cli.options import Exposure, Ocio, OcioDisplay, OcioView
 from lightdepth.errors import InputError
 
 MOST_RATE = 1000
@@ -29,18 +30,16 @@ def deliver(
         str | None, typer.Option("--frames", help="Which of the frames, as 1-240 or 7,10-20; all by default.")
     ] = None,
     step: Annotated[int, typer.Option(min=1, help="Of the frames, every so many-th one.")] = 1,
-    exposure: Annotated[
-        float, typer.Option(help="Stops by which the picture is lighter than the panorama's own brightness asks for.")
-    ] = 0.0,
+    exposure: Exposure = 0.0,
     look: Annotated[
-        str | None, typer.Option(help="Tone curve: agx-like | filmic | linear; agx-like where $OCIO is not set.")
-    ] = None,
-    ocio: Annotated[
         str | None,
-        typer.Option(help="OpenColorIO configuration instead of --look: a file, or ocio://default; $OCIO by default."),
+        typer.Option(
+            help="Tone curve instead of --ocio: agx-like | filmic | linear; the first where $OCIO is not set."
+        ),
     ] = None,
-    display: Annotated[str | None, typer.Option(help="Display of the OpenColorIO configuration.")] = None,
-    view: Annotated[str | None, typer.Option(help="View of the OpenColorIO configuration.")] = None,
+    ocio: Ocio = None,
+    display: OcioDisplay = None,
+    view: OcioView = None,
     codec: Annotated[str, typer.Option(help="Of a video: h264 | hevc | av1 | prores")] = "h264",
     quality: Annotated[
         int | None, typer.Option(min=0, max=63, help="Of a video, lower is better; by default visually lossless.")

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import shlex
+import sys
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
+from lightdepth.cli.render import INTERRUPTED
 from lightdepth.errors import InputError
 
 if TYPE_CHECKING:
@@ -74,6 +78,47 @@ def slurm(
     _wrote(script, shot)
 
 
+@app.command(context_settings=PASSED_ON)
+def dask(
+    context: typer.Context,
+    scene: SceneFile,
+    frames: Frames,
+    output: Output,
+    scheduler: Annotated[
+        str, typer.Option(help="Address of the Dask scheduler, as tcp://host:8786, or the file that it writes.")
+    ],
+    step: Step = 1,
+    chunk: Chunk = 10,
+) -> None:
+    """Render on the workers of a Dask scheduler, and wait for them.
+
+    All other options are those of `lightdepth render`. Ctrl-C withdraws what no worker has begun.
+
+    Example: lightdepth farm dask shot.toml --scheduler tcp://host:8786 --frames 1-240 -o out/shot.####.exr --samples 64
+    """
+    from lightdepth.farm.dask import run_on_dask
+    from lightdepth.packages import require_package
+
+    require_package("distributed", "farm")
+    shot = _shot(context.args, scene, frames, output, step, chunk)
+    console, total = _console(), len(shot.chunks)
+    failed: list[str] = []
+    try:
+        with closing(run_on_dask(shot, scheduler)) as ends:
+            for number, end in enumerate(ends, start=1):
+                state = "are there" if end.failure is None else "failed"
+                console.print(f"frames {end.frames} {state}, {number} of {total} chunks", markup=False)
+                if end.failure is not None:
+                    failed.append(f"frames {end.frames}: {end.failure}")
+    except KeyboardInterrupt:
+        command = shlex.join(["lightdepth", *sys.argv[1:]])
+        console.print(f"interrupted; workers finish their chunk; go on with: {command}", style="yellow", markup=False)
+        raise typer.Exit(INTERRUPTED) from None
+    if failed:
+        raise InputError("\n".join(failed))
+    console.print(f"rendered {len(shot.frames)} frames: {shot.files.pattern}", markup=False)
+
+
 def _shot(options: list[str], scene: Path, frames: str, output: Path, step: int, chunk: int) -> Shot:
     from lightdepth.farm.shot import Shot
     from lightdepth.scene.frames import SceneFrames
@@ -102,6 +147,9 @@ def _check_options(options: list[str], scene: Path) -> None:
         raise InputError(f"lightdepth render: {error}") from error
 
 
+def _console() -> Console:
+    return Console(stderr=True, highlight=False, soft_wrap=True)
+
+
 def _wrote(path: Path, shot: Shot) -> None:
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print(f"wrote {path}: {len(shot.frames)} frames in {len(shot.chunks)} chunks", markup=False)
+    _console().print(f"wrote {path}: {len(shot.frames)} frames in {len(shot.chunks)} chunks", markup=False)

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from lightdepth.cli.options import SceneFile
+
 if TYPE_CHECKING:
     from lightdepth.lightmap.file import LightDepthMap
 
 
 def lightmap(
-    scene: Annotated[Path, typer.Argument(help="The scene file (TOML).")],
+    scene: SceneFile,
     output: Annotated[Path, typer.Option("-o", "--output", help="The OpenEXR file to write.")],
     median_cut: Annotated[
         int | None,

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 from rich.console import Console
 
+from lightdepth.cli.options import (
+    Denoise,
+    Device,
+    Exposure,
+    ExrStructure,
+    Ocio,
+    OcioDisplay,
+    OcioView,
+    Progress,
+    Repair,
+)
 from lightdepth.cli.render import INTERRUPTED, Interruption, Reporter, check_output, chosen_layers, run
 from lightdepth.errors import InputError
 
@@ -18,27 +29,19 @@ def merge(
         Path, typer.Option("-o", "--output", help="The EXR file to write, or a .sums file to merge again.")
     ],
     scene: Annotated[Path | None, typer.Option(help="The scene file, where it lies elsewhere by now.")] = None,
-    device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
-    denoise: Annotated[bool, typer.Option("--denoise", help="Denoise the change and the new objects only.")] = False,
-    exposure: Annotated[
-        float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
-    ] = 0.0,
-    ocio: Annotated[
-        str | None,
-        typer.Option(help="OpenColorIO configuration for the PNG: a file, or ocio://default; $OCIO by default."),
-    ] = None,
-    display: Annotated[str | None, typer.Option(help="Display of the OpenColorIO configuration.")] = None,
-    view: Annotated[str | None, typer.Option(help="View of the OpenColorIO configuration.")] = None,
+    device: Device = "auto",
+    denoise: Denoise = False,
+    exposure: Exposure = 0.0,
+    ocio: Ocio = None,
+    display: OcioDisplay = None,
+    view: OcioView = None,
     layers: Annotated[
         str,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' or 'none'."),
     ] = "all",
-    exr: Annotated[
-        Literal["multipart", "single"],
-        typer.Option(help="Layers as parts of the EXR file, or all channels in one part."),
-    ] = "multipart",
-    repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
-    progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is reported.")] = "none",
+    exr: ExrStructure = "multipart",
+    repair: Repair = False,
+    progress: Progress = "none",
 ) -> None:
     """Merge the parts of a still that `lightdepth render --share` has computed.
 

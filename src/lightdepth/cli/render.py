@@ -5,12 +5,24 @@ from __future__ import annotations
 import math
 import signal
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
+from lightdepth.cli.options import (
+    Denoise,
+    Device,
+    Exposure,
+    ExrStructure,
+    Ocio,
+    OcioDisplay,
+    OcioView,
+    Progress,
+    Repair,
+    SceneFile,
+)
 from lightdepth.cli.reporting import EventReporter
 from lightdepth.errors import InputError
 from lightdepth.files import exists
@@ -26,7 +38,7 @@ LARGE_ERROR, LARGE_ERROR_DENOISED = 0.03, 0.06
 
 
 def render(
-    scene: Annotated[Path, typer.Argument(help="The scene file (TOML).")],
+    scene: SceneFile,
     camera: Annotated[str | None, typer.Option(help="Name of the camera; the first by default.")] = None,
     output: Annotated[
         Path | None,
@@ -40,39 +52,34 @@ def render(
     verify: Annotated[
         bool, typer.Option("--verify", help="Only report which --frames are missing or outdated.")
     ] = False,
+    steady: Annotated[
+        int | None, typer.Option(min=1, help="Each of the --frames shares samples with so many before and after it.")
+    ] = None,
     samples: Annotated[int | None, typer.Option(min=1, help="Samples per influenced pixel.")] = None,
     noise: Annotated[
         float | None, typer.Option(min=1e-6, help="Stop where the estimated relative error is below this.")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, max=2**32 - 1, help="Seed of the random numbers.")] = None,
     method: Annotated[str, typer.Option(help="difference | envpath | directional")] = "difference",
-    device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
-    denoise: Annotated[bool, typer.Option("--denoise", help="Denoise the change and the new objects only.")] = False,
+    device: Device = "auto",
+    denoise: Denoise = False,
     draft: Annotated[
         bool, typer.Option("--draft", help="A quick look: one sample, light known roughly, no layers.")
     ] = False,
-    exposure: Annotated[
-        float, typer.Option(help="Stops by which the PNG is lighter than the panorama's own brightness asks for.")
-    ] = 0.0,
-    ocio: Annotated[
-        str | None,
-        typer.Option(help="OpenColorIO configuration for the PNG: a file, or ocio://default; $OCIO by default."),
-    ] = None,
-    display: Annotated[str | None, typer.Option(help="Display of the OpenColorIO configuration.")] = None,
-    view: Annotated[str | None, typer.Option(help="View of the OpenColorIO configuration.")] = None,
+    exposure: Exposure = 0.0,
+    ocio: Ocio = None,
+    display: OcioDisplay = None,
+    view: OcioView = None,
     layers: Annotated[
         str | None,
         typer.Option(help="Layers to write beside the picture, comma-separated; 'all' (the default) or 'none'."),
     ] = None,
-    exr: Annotated[
-        Literal["multipart", "single"],
-        typer.Option(help="Layers as parts of the EXR file, or all channels in one part."),
-    ] = "multipart",
+    exr: ExrStructure = "multipart",
     no_cache: Annotated[
         bool, typer.Option("--no-cache", help="Neither use nor fill the cache of prepared places.")
     ] = False,
-    repair: Annotated[bool, typer.Option("--repair", help="Replace NaN, infinite and negative radiance.")] = False,
-    progress: Annotated[Literal["bar", "json", "none"], typer.Option(help="How progress is reported.")] = "bar",
+    repair: Repair = False,
+    progress: Progress = "bar",
     region: Annotated[str | None, typer.Option(help="Finish this part first: left,top,right,bottom in pixels.")] = None,
     share: Annotated[
         str | None, typer.Option(help="Do a part of the work, as 2/4; writes sums for `lightdepth merge`.")
@@ -137,10 +144,11 @@ def render(
                 verify,
                 progress,
                 interruption,
+                steady,
             )
         return
-    if force or verify or step != 1:
-        raise InputError("--force, --verify and --step go with --frames")
+    if force or verify or step != 1 or steady is not None:
+        raise InputError("--force, --verify, --step and --steady go with --frames")
     if output is not None and "#" in output.name:
         raise InputError(f"-o {output}: numbered files are for a sequence; say which --frames")
     with Interruption() as interruption:

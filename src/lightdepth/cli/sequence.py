@@ -56,6 +56,7 @@ def render_sequence(
     verify: bool,
     progress: str,
     interruption: Interruption,
+    steady: int | None = None,
 ) -> None:
     """Render the frames of a sequence that are not there, or say what is there.
 
@@ -67,6 +68,7 @@ def render_sequence(
     from lightdepth.scene.frames import SceneFrames
     from lightdepth.sequence.numbering import FrameFiles, parsed_frames
     from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
+    from lightdepth.sequence.steady import SteadyRendering
 
     moving = SceneFrames(scene, repair)
     numbers = parsed_frames(frames, step, moving.sequence)
@@ -76,7 +78,11 @@ def render_sequence(
     files = FrameFiles(output or Path(f"{scene.stem}-{name}.{'#' * DIGITS}.exr"))
     wanted = SequenceJob(numbers, files, job, layers, exposure, force, structure, look)
     with _Reporter(progress, wanted) as reporter:
-        rendering = SequenceRendering(moving, wanted, device, reporter.report)
+        rendering = (
+            SequenceRendering(moving, wanted, device, reporter.report)
+            if steady is None
+            else SteadyRendering(moving, wanted, steady, device, reporter.report)
+        )
         reporter.begin()
         if verify:
             _verify(rendering, wanted, reporter)

@@ -4,22 +4,24 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
+
+from lightdepth.cli.options import Device
 
 
 def serve(
     stdio: Annotated[bool, typer.Option("--stdio", help="Talk by standard input and output.")] = False,
-    device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to compute.")] = "auto",
+    device: Device = "auto",
 ) -> None:
     """Render requests that come as JSON, one a line, and answer with events; see docs/session.md.
 
     Example: lightdepth serve --stdio
     """
     from lightdepth.errors import InputError
+    from lightdepth.serve.worker import Worker
     from lightdepth.session.events import Failure
-    from lightdepth.session.worker import Worker
 
     if not stdio:
         raise InputError("say how to talk: --stdio is the only way so far")

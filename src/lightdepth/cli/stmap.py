@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from lightdepth.cli.options import SceneFile
+
 app = typer.Typer(no_args_is_help=True)
 
 GOOD = 0.05
@@ -15,7 +17,7 @@ GOOD = 0.05
 
 @app.command("write")
 def write(
-    scene: Annotated[Path, typer.Argument(help="The scene file (TOML).")],
+    scene: SceneFile,
     camera: Annotated[str | None, typer.Option(help="The perspective camera; the file's first by default.")] = None,
     undistort: Annotated[
         Path | None, typer.Option(help="The map that removes the distortion of a picture (.exr).")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from lightdepth.cli.options import SceneFile
 
 if TYPE_CHECKING:
     from lightdepth.scene.model import Scene
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def where(
-    scene: Annotated[Path, typer.Argument(help="The scene file (TOML).")],
+    scene: SceneFile,
     points: Annotated[
         list[str], typer.Argument(metavar="X,Y...", help="Pixels of the panorama: x to the right, y down.")
     ],

@@ -70,7 +70,7 @@ def write_dome_master(
         warn(f"{frames.first}: has {side} x {side} pixels; domes expect {', '.join(map(str, SIZES))}")
     if not RATES[0] <= wanted.rate <= RATES[1]:
         warn(f"{float(wanted.rate):g} frames per second: domes expect 24 to 60, most of them 30 or 60")
-    if frames.rotation is not None:
+    if frames.rotation is not None and frames.camera.get("type") == "fisheye":  # A dome master stands upright itself.
         elevation = float(np.degrees(np.arcsin(np.clip(frames.rotation[2, 1], -1.0, 1.0))))
         if elevation < LOWEST_AXIS:
             warn(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -19,7 +18,7 @@ from lightdepth.film.frame import CAMERA, EXPOSURE
 from lightdepth.film.header import WORLD_TO_CAMERA
 from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import ExrHeader, ExrReader
-from lightdepth.numbered_files import MARK, told_frames
+from lightdepth.numbered_files import MARK, found_files, is_pattern, told_frames
 from lightdepth.sequence.numbering import parsed_ranges
 
 
@@ -123,17 +122,10 @@ def _pixels(frames: Frames) -> str:
 
 
 def _numbered(pattern: Path, wanted: str | None, step: int) -> dict[int, Path]:
-    marks = re.findall(f"{MARK}+", pattern.name)
-    if len(marks) != 1 or MARK in str(pattern.parent):
+    if not is_pattern(pattern.name) or MARK in str(pattern.parent):
         raise InputError(f"{pattern}: the name must have {MARK} for the digits of the frame's number in one place")
-    before, after = pattern.name.split(marks[0])
-    name = re.compile(re.escape(before) + r"(\d+)" + re.escape(after))
-    there: dict[int, Path] = {}
     try:
-        for path in sorted(pattern.parent.iterdir()):
-            match = name.fullmatch(path.name)
-            if match and len(match[1]) == max(len(marks[0]), len(str(int(match[1])))):
-                there[int(match[1])] = path
+        there = found_files(pattern)
     except OSError as error:
         raise InputError(f"{pattern.parent}: cannot be read ({error.strerror})") from error
     if not there:

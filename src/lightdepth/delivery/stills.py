@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from lightdepth.delivery.whole import whole_folder
 from lightdepth.errors import InputError
 from lightdepth.film.header import software
 from lightdepth.images.gpano import photo_sphere_xmp
-from lightdepth.sequence.numbering import MARK
+from lightdepth.numbered_files import MARK, is_pattern, numbered
 
 SUFFIXES = (".jpg", ".jpeg", ".png")
 _JPEG_QUALITY = 95
@@ -47,7 +46,7 @@ def write_stills(
     """
     if target.suffix.lower() not in SUFFIXES:
         raise InputError(f"-o {target}: '{target.suffix}' is not allowed; stills are {', '.join(SUFFIXES)}")
-    if len(frames.files) > 1 and len(re.findall(f"{MARK}+", target.name)) != 1:
+    if len(frames.files) > 1 and not is_pattern(target.name):
         raise InputError(
             f"-o {target}: of several frames, the name must have {MARK} for the digits of their numbers in one place"
         )
@@ -59,7 +58,7 @@ def write_stills(
     written = []
     with whole_folder(target) as folder:
         for number, file in frames.files.items():
-            name = re.sub(f"{MARK}+", lambda marks, n=number: f"{n:0{len(marks[0])}d}", target.name)  # type: ignore[misc]
+            name = numbered(target, number).name
             _save(folder / name, arranged.arranged(grade.pixels(file, 8)), xmp)
             written.append(target.with_name(name))
             progress()

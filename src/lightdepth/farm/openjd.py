@@ -11,6 +11,7 @@ from typing import Any
 
 from lightdepth.errors import InputError
 from lightdepth.farm.shot import Shot
+from lightdepth.images.writing import whole_file
 from lightdepth.numbered_files import told_frames
 
 MOST_IN_A_CHUNK = 150
@@ -44,10 +45,11 @@ def write_bundle(folder: Path, shot: Shot) -> None:
     }
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for name, content in contents.items():
-            (folder / name).write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
-        raise InputError(f"{folder}: cannot be written ({error.strerror})") from error
+        raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
+    for name, content in contents.items():
+        with whole_file(folder / name) as temporary:
+            temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def _values(shot: Shot) -> dict[str, str]:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import shlex
 from pathlib import Path
 
-from lightdepth.errors import InputError
 from lightdepth.farm.shot import Shot
+from lightdepth.images.writing import whole_file
 
 
 def write_script(path: Path, shot: Shot) -> None:
@@ -33,7 +33,5 @@ set -euo pipefail
 chunks=({shlex.join(chunks)})
 exec {command}
 """
-    try:
-        path.write_text(script, encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror})") from error
+    with whole_file(path) as temporary:
+        temporary.write_text(script, encoding="utf-8")

@@ -21,18 +21,27 @@ class Allocation:
         accumulator: their sums.
         errors: their errors.
         parameters: how samples are shared out.
+        sharing: frames that will share the samples of each pixel, shape (n,), int32; ``None`` is one.
     """
 
     def __init__(
-        self, pixels: PixelList, accumulator: Accumulator, errors: PictureError, parameters: FilmParameters
+        self,
+        pixels: PixelList,
+        accumulator: Accumulator,
+        errors: PictureError,
+        parameters: FilmParameters,
+        sharing: NDArray[np.int32] | None = None,
     ) -> None:
         self._pixels, self._accumulator, self._errors = pixels, accumulator, errors
-        self._parameters = parameters
+        self._parameters, self._sharing = parameters, sharing
 
     def pilot_round(self, target: Target) -> Round:
         """The first round for a target: afterwards no pixel has fewer samples than the pilot takes."""
         taken = self._accumulator.taken.astype(np.int64)
-        more = np.maximum(pilot_samples(target.samples, self._parameters) - taken, 0)
+        pilot: int | NDArray[np.int32] = pilot_samples(target.samples, self._parameters)
+        if self._sharing is not None:
+            pilot = np.minimum(pilot, np.maximum(pilot // self._sharing, self._parameters.quantum))
+        more = np.maximum(pilot - taken, 0)
         wanted = self._pixels.inside(more, target.region).astype(np.int32)
         inside = self._pixels.inside(np.ones(taken.size, np.int64), target.region)
         return Round(target, wanted, int((taken * (1 - inside)).sum() + target.samples * inside.sum()))
@@ -63,7 +72,7 @@ class Allocation:
         whole = int(taken.sum(dtype=np.int64)) + left
         if left < max(self._parameters.quantum * size / 64, 1):
             return None, whole
-        more = self._around(self._errors.reducible(self._parameters.contrast))
+        more = self._around(self._left(self._errors.reducible(self._parameters.contrast)))
         if taken.max() > taken.min():
             # Not after a pilot: the samples so far are part of what each pixel is due.
             more *= np.sqrt(taken.astype(np.float32))
@@ -80,7 +89,7 @@ class Allocation:
         """How many more samples each pixel gets for a wanted noise, and how many all will have as far as is known."""
         taken = self._accumulator.taken
         # The error falls with the square root of the number of samples. A pixel that stands out is not done.
-        errors = self._errors.own()
+        errors = self._left(self._errors.own())
         irradiance, rest = self._errors.shared_variance()
         # More samples of a pixel do not reduce the shared errors: beyond some point they are of no use.
         left = np.maximum(noise**2 - rest - irradiance, self._parameters.least_noise**2 * noise**2)
@@ -93,6 +102,12 @@ class Allocation:
         whole = int(taken.sum(dtype=np.int64)) + int(more.sum(dtype=np.float64))
         np.minimum(more, 3.0 * taken, out=more)
         return more, whole
+
+    def _left(self, errors: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What is left of the pixels' errors where several frames share the samples, shape (n,)."""
+        if self._sharing is None:
+            return errors
+        return (errors / np.sqrt(self._sharing)).astype(np.float32)
 
     def _around(self, errors: NDArray[np.float32]) -> NDArray[np.float32]:
         return self._pixels.around(errors, self._parameters.neighbourhood)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import os
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +47,15 @@ def write_arrays(path: Path, kind: str, header: Mapping[str, Any], arrays: Mappi
         raise InputError(f"{path}: cannot be written ({error.strerror or error})") from error
 
 
-def read_arrays(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, NDArray]]:
+def read_arrays(
+    path: Path, kind: str, names: Collection[str] | None = None
+) -> tuple[dict[str, Any], dict[str, NDArray]]:
     """Read what :func:`write_arrays` wrote.
 
     Args:
         path: the file.
         kind: what it must be.
+        names: of the arrays that are needed; ``None`` for all.
 
     Returns:
         The header and the arrays.
@@ -64,7 +67,8 @@ def read_arrays(path: Path, kind: str) -> tuple[dict[str, Any], dict[str, NDArra
         raise InputError(f"{path}: no such file")
     try:
         with path.open("rb") as stream, np.load(stream, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+            wanted = file.files if names is None else ("header", *names)
+            arrays = {name: file[name] for name in wanted}
         header = json.loads(str(arrays.pop("header")))
         found, version = header["kind"], int(header["format"])
     except (OSError, ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile) as error:

@@ -9,13 +9,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats.qmc import Sobol
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.cryptomatte import Mattes
-from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.arrays import aligned, aligned_columns
 from lightdepth.kernel.row_bands import Band, bands
+from lightdepth.kernel.sobol import sobol_points
 from lightdepth.kernel.tracing import first_hit
 from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.preparation import Prepared
@@ -48,6 +48,7 @@ def render_auxiliary(
     names: tuple[tuple[str, ...], tuple[str, ...]],
     coverage: NDArray[np.float32] | None = None,
     parameters: FilmParameters = DEFAULT,
+    picture: NDArray[np.float32] | None = None,
 ) -> Auxiliary:
     """Render the layers other than light.
 
@@ -58,6 +59,7 @@ def render_auxiliary(
         coverage: share of each pixel that objects cover, as far as is known, shape (height, width): where it lies
             between 0 and 1 there is an edge, be it of an object that lies between all pixel centres.
         parameters: points in each pixel.
+        picture: what the pixels show of the real surfaces, shape (height, width, 3); ``None`` takes the photograph.
     """
     width, height = view.resolution
     subpixels = parameters.layer_subpixels
@@ -73,10 +75,13 @@ def render_auxiliary(
             return view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
 
         seen = rays(mi.Point2f(0.5))
-        found = first_hit(prepared.surfaces.all, seen.ray, coherent=True, active=seen.inside)
+        found = first_hit(prepared.surfaces.shown, seen.ray, coherent=True, active=seen.inside)
         middle = _shapes(prepared, found, seen.inside)
         distance = dr.select(seen.inside & found.is_valid(), found.t, dr.inf)
         dr.eval(middle, distance)  # At once: one by one would trace all rays again.
+        shown = (
+            None if picture is None else mi.Color3f(*map(mi.Float, aligned_columns(picture[band.rows].reshape(-1, 3))))
+        )
         shape[band.rows] = middle.numpy().reshape(band.shape)
         depth[band.rows] = distance.numpy().reshape(band.shape)
         mean_normal, mean_albedo = dr.zeros(mi.Vector3f, dr.width(band.row)), dr.zeros(mi.Color3f, dr.width(band.row))
@@ -87,7 +92,7 @@ def render_auxiliary(
                 # Point by point, so that one small kernel serves all of them.
                 offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
                 dr.make_opaque(offset)
-                one_normal, one_albedo, one_shape = _surface(prepared, rays(offset))
+                one_normal, one_albedo, one_shape = _surface(prepared, rays(offset), shown)
                 differs |= one_shape ^ middle
                 mean_normal += one_normal
                 mean_albedo += one_albedo
@@ -119,7 +124,7 @@ def _coverage(
     pixels, shapes = [inner], [shape.reshape(-1)[inner].astype(np.uint32) - 1]
     shares = [np.ones(len(inner), np.float32)]
     # In the pixel and on the lens; each coordinate takes all of its strata.
-    points = Sobol(4, scramble=False).random(edge_samples) + 0.5 / edge_samples
+    points = sobol_points(edge_samples, 4) + 0.5 / edge_samples
     stratified = [mi.Float(aligned(part)) for part in points.T]
     edges = np.flatnonzero(edge).astype(np.uint32)
     for first in range(0, len(edges), EDGES_AT_ONCE):
@@ -129,7 +134,7 @@ def _coverage(
         x, y, *lens = (dr.gather(mi.Float, part, lane % edge_samples) for part in stratified)
         column, row = mi.Float(pixel % view.resolution[0]), mi.Float(pixel // view.resolution[0])
         rays = view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(*lens))
-        found = first_hit(prepared.surfaces.all, rays.ray, coherent=True, active=rays.inside)
+        found = first_hit(prepared.surfaces.shown, rays.ray, coherent=True, active=rays.inside)
         seen = _shapes(prepared, found, rays.inside).numpy().reshape(len(some), edge_samples)
         pairs, count = np.unique((np.arange(len(some))[:, None] << 16) | seen.astype(np.int64), return_counts=True)
         there = (pairs & 0xFFFF) > 0
@@ -148,9 +153,11 @@ def _shapes(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside: mi.
     return result
 
 
-def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Color3f, mi.UInt32]:
+def _surface(
+    prepared: Prepared, seen: CameraRays, shown: mi.Color3f | None
+) -> tuple[mi.Vector3f, mi.Color3f, mi.UInt32]:
     surfaces, place, ray, inside = prepared.surfaces, prepared.place, seen.ray, seen.inside
-    found = first_hit(surfaces.all, ray, coherent=True, active=inside)
+    found = first_hit(surfaces.shown, ray, coherent=True, active=inside)
     on_real = inside & surfaces.is_real(found)
     on_synthetic = inside & found.is_valid() & ~on_real
     hit = surfaces.real_hit(ray, found, on_real)
@@ -159,5 +166,5 @@ def _surface(prepared: Prepared, seen: CameraRays) -> tuple[mi.Vector3f, mi.Colo
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, mi.Vector3f(si.sh_frame.n), hit.normal & on_real)
-    photographed = dr.minimum(place.photograph.sharp(hit, ray), 1.0) & inside
+    photographed = dr.clip(place.photograph.sharp(hit, ray) if shown is None else shown, 0.0, 1.0) & inside
     return normal, dr.select(on_synthetic, diffuse, photographed), _shapes(prepared, found, inside)

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cameras.topology import Rectangle
+from lightdepth.film.sparse import sparse_zeros
 from lightdepth.scene.model import SyntheticObject
 
 MOST_RANKS = 6
@@ -60,7 +61,7 @@ class Mattes:
         most, rest = np.zeros(size, np.float32), np.ones(size, np.float32)
         np.subtract.at(rest, pixels, shares)
         np.maximum.at(most, pixels, shares)
-        result = np.zeros(size, np.uint32)
+        result = sparse_zeros((size,), np.uint32)
         winner = (shares == most[pixels]) & (shares > rest[pixels])
         result[pixels[winner]] = ids[winner]
         return result
@@ -110,7 +111,7 @@ def matte_channels(
     for index in range(2 * (-(-ranks // 2))):
         here = rank == index
         for letter, values in zip("RG" if index % 2 == 0 else "BA", (found.view(np.float32), shares), strict=True):
-            plane = np.zeros(shape, np.float32)
+            plane = sparse_zeros(shape, np.float32)
             plane.reshape(-1)[pixels[here]] = values[here]
             channels[f"{layer}{index // 2:02d}.{letter}"] = plane
     prefix = f"cryptomatte/{murmur3(layer.encode()):08x}"[: len("cryptomatte/") + 7]

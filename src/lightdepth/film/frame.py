@@ -16,6 +16,8 @@ EXPOSURE = "exposure"
 """Among a frame's facts: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
 CAMERA = "camera"
 """Likewise: the camera's settings without its pose, a JSON object with the keys of the scene file."""
+PLATE_GAIN = "plate_gain"
+"""Likewise, of the camera of a ``[plate]``: by what the light of the panorama was multiplied, per channel."""
 NUMBER = "frame"
 """Likewise: its number, of a frame of a sequence."""
 LARGEST_SHADOW = 65504.0
@@ -27,7 +29,7 @@ class Frame:
     """What a rendering gives. Row 0 is the top; radiance is linear Rec.709.
 
     Attributes:
-        plate: the photograph, resampled for the camera, shape (height, width, 3), float32.
+        plate: the photograph, resampled for the camera or its own, shape (height, width, 3), float32.
         change: what the new objects change on support surfaces, shape (height, width, 3), float32, signed.
         synthetic: radiance of the new objects times their coverage, shape (height, width, 3), float32.
         coverage: share of each pixel that new objects cover, shape (height, width), float32.
@@ -37,6 +39,8 @@ class Frame:
         depth: distance along the ray in metres, shape (height, width), float32; inf is sky.
         normal: unit normals in world space, shape (height, width, 3), float16 or float32.
         albedo: albedo of what is seen, shape (height, width, 3), float16 or float32.
+        support: which pixels show support without gloss in their middle, shape (height, width), bool; of frames that
+            share samples. It is in no picture file.
         photograph: of several photographs, the share of each in the plate, shape (height, width, k), float32; all are 0
             where none of them sees what the pixel shows. ``None`` where there is one.
         variance: variance of the mean of ``beauty``, shape (height, width, 3), float32.
@@ -57,6 +61,7 @@ class Frame:
     depth: NDArray[np.float32] | None = None
     normal: NDArray[np.floating] | None = None
     albedo: NDArray[np.floating] | None = None
+    support: NDArray[np.bool_] | None = None
     photograph: NDArray[np.float32] | None = None
     variance: NDArray[np.float32] | None = None
     samples: NDArray[np.uint32] | None = None

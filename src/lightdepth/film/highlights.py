@@ -18,7 +18,7 @@ from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import Band
-from lightdepth.parameters.recovery import DEFAULT
+from lightdepth.parameters import film, recovery
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.reflectance import reflectance
@@ -26,15 +26,11 @@ from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.place.traced_surfaces import RealHit
 from lightdepth.recovery.irradiance import estimate_specular
 
-SAMPLES, DRAFT_SAMPLES = 64, 16
-"""Of each of two techniques in each pixel."""
 FEWEST_SAMPLES = 4
 """At each point within a pixel."""
 SAME_POINT = 1e-6
 """Metres between a camera and the capture point, up to which it sees what is mirrored there."""
-BLUR = 3
-"""Pixels across the square in which the noise of a lobe is shared that is wider; narrower ones have little, but edges."""
-PARAMETERS = replace(DEFAULT, lights_per_sample=1 << 12)
+PARAMETERS = replace(recovery.DEFAULT, lights_per_sample=1 << 12)
 
 
 class Highlights:
@@ -44,13 +40,17 @@ class Highlights:
         place: the photographed place, whose glossy surfaces are known.
         points: how many points each pixel is the mean of.
         draft: few samples will do.
+        tuned: how many, and how their noise is shared.
     """
 
-    def __init__(self, place: Place, points: int, draft: bool = False) -> None:
-        self.place, self.points = place, points
+    def __init__(
+        self, place: Place, points: int, draft: bool = False, tuned: film.FilmParameters = film.DEFAULT
+    ) -> None:
+        self.place, self.points, self.blur = place, points, tuned.highlight_blur
         self.lobes = SpecularLobes(place.glosses)
         self.widths = [0.0, *(2.0 * gloss.roughness**2 for gloss in place.glosses)]  # Radians, about.
-        self.samples = max(FEWEST_SAMPLES, (DRAFT_SAMPLES if draft else SAMPLES) // points // 2 * 2)
+        samples = tuned.draft_highlight_samples if draft else tuned.highlight_samples
+        self.samples = max(FEWEST_SAMPLES, samples // points // 2 * 2)
         self.generator = np.random.default_rng(0)
 
     @staticmethod
@@ -108,7 +108,7 @@ class Highlights:
             )
         shown = np.sum([share[:, None] * each for share, each in zip(shares, mirrored, strict=False)], axis=0)
         here = mi.Color3f(*(mi.Float(aligned(channel)) for channel in shown.T))
-        _, scale = reflectance(radiance, irradiance, here, typical)
+        _, scale = reflectance(radiance, irradiance, here, typical, place.parameters)
         change = scale.numpy().T * (mirrored[-1] - shown)
         valid = seen.numpy()
         return np.where(valid[:, None], change, 0.0), valid
@@ -139,13 +139,15 @@ class BandHighlights:
         self._sum[pixel] += change
         self._count[pixel] += valid
         width = dr.gather(mi.Float, mi.Float(self._highlights.widths), dr.gather(mi.UInt32, hit.gloss, index))
-        self._wide[pixel] = (width > BLUR * dr.sqrt(dr.gather(mi.Float, seen.solid_angle, index))).numpy()
+        self._wide[pixel] = (
+            width > self._highlights.blur * dr.sqrt(dr.gather(mi.Float, seen.solid_angle, index))
+        ).numpy()
 
     def change(self) -> NDArray[np.float32]:
         """The change of each pixel's radiance, shape (rows, columns, 3)."""
         total = self._sum.reshape(*self._shape, 3).astype(np.float32)
         share = self._count.reshape(self._shape).astype(np.float32)
-        size = (BLUR, BLUR)
+        size = (self._highlights.blur, self._highlights.blur)
         # Within the surface: neighbours that lie beside it have nothing to share.
         mean = cv2.blur(total, size) / np.maximum(cv2.blur(share, size), 1e-6)[..., None] * share[..., None]
         change = np.where(self._wide.reshape(self._shape)[..., None], mean, total)

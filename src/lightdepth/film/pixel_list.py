@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.film.schedule import Region
+from lightdepth.film.sparse import sparse_zeros
 
 
 class PixelList:
@@ -69,6 +70,6 @@ class PixelList:
         """
         if len(values) == self._height * self._width:
             return values.reshape(self._height, self._width, *values.shape[1:])
-        image = np.zeros((self._height * self._width, *values.shape[1:]), values.dtype)
+        image = sparse_zeros((self._height * self._width, *values.shape[1:]), values.dtype)
         image[self.indices] = values
         return image.reshape(self._height, self._width, *values.shape[1:])

@@ -8,13 +8,13 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats.qmc import Sobol
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.highlights import Highlights
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.sobol import sobol_points
 from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.place.feather import mask_feather
 from lightdepth.place.place import Place
@@ -83,7 +83,7 @@ def render_plate(
     if mask is None:
         return pixels, np.ones(pixels.shape[:2], np.float32)
     around, alpha = _resampled(view, place, draft, parameters)
-    return np.where((mask_feather(mask) == 1.0)[..., None], pixels, around), alpha
+    return np.where((mask_feather(mask, place.parameters) == 1.0)[..., None], pixels, around), alpha
 
 
 def render_shares(view: Viewpoint, place: Place) -> NDArray[np.float32] | None:
@@ -123,8 +123,8 @@ def _resampled(
     if blurred:
         fewest, most = parameters.fewest_lens_points, parameters.most_lens_points
         count = fewest if draft else _lens_points(view, place, fewest, most)
-        points = Sobol(4, rng=0).random(count)
-    highlights = Highlights(place, len(points), draft) if Highlights.move(view, place) else None
+        points = sobol_points(count, 4, seed=0)
+    highlights = Highlights(place, len(points), draft, parameters) if Highlights.move(view, place) else None
     plate = np.empty((height, width, 3), np.float32)
     alpha = np.empty((height, width), np.float32)
     for band in bands(width, height):

@@ -20,7 +20,7 @@ from lightdepth.film.accumulation import Accumulator
 from lightdepth.film.allocation import Allocation
 from lightdepth.film.auxiliary import render_auxiliary
 from lightdepth.film.cryptomatte import shape_names
-from lightdepth.film.frame import CAMERA, EXPOSURE, Frame
+from lightdepth.film.frame import CAMERA, EXPOSURE, PLATE_GAIN, Frame
 from lightdepth.film.header import view_matrices
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.picture_error import PictureError
@@ -28,7 +28,7 @@ from lightdepth.film.pixel_list import PixelList
 from lightdepth.film.plate import kept_plate, render_shares
 from lightdepth.film.sampling import Sampling
 from lightdepth.film.schedule import Region, Round, Target, passes, pilot_samples
-from lightdepth.film.selection import influenced_pixels
+from lightdepth.film.selection import influenced_pixels, matte_support
 from lightdepth.film.shared_errors import ListUse, SharedErrors
 from lightdepth.film.sums import Origin, PixelSums, Share
 from lightdepth.images.tonemapping import auto_exposure
@@ -68,10 +68,13 @@ class Rendering:
         method: its name, for the image's header.
         seed: of the random numbers; the same seed gives the same image.
         share: the part of the work to do; see :meth:`sums`.
+        sharing: frames that will share the samples of matte support, which so needs fewer of them;
+            see :mod:`lightdepth.sequence.temporal_reuse`. ``None`` is a picture of its own.
 
     Attributes:
         share: as given.
-        plate: the photograph as the camera sees it, shape (height, width, 3), float32.
+        plate: the photograph as the camera sees it, shape (height, width, 3), float32; in the unit of the image, which
+            for the camera of a ``[plate]`` is the plate's, and for all others that of the panorama.
         alpha: where there is one, shape (height, width), float32.
         pixels: that are sampled, row-major indices, ascending, shape (n,), uint32.
         errors: estimates how far these are off.
@@ -85,14 +88,23 @@ class Rendering:
         method: str,
         seed: int,
         share: Share = Share(),  # noqa: B008 - it is immutable
+        sharing: int | None = None,
     ) -> None:
         self._scene, self._prepared, self._view, self._method, self._seed = scene, prepared, view, method, seed
         self.share, self._parameters = share, scene.render.parameters.film
         with DEVICE_LOCK:
-            self.plate, self.alpha = kept_plate(view, scene.panoramas, prepared, scene.render.draft, self._parameters)
+            # What is sampled is in the unit of the panoramas; the image of the plate's camera, in that of the plate.
+            own = prepared.place.plate
+            self._own = own if own is not None and view.same_pixels(own.view) else None
+            if self._own is None:
+                self.plate, self.alpha = kept_plate(
+                    view, scene.panoramas, prepared, scene.render.draft, self._parameters
+                )
+            else:
+                self.plate, self.alpha = self._own.radiance.copy(), np.ones(self._own.radiance.shape[:2], np.float32)
             self.pixels = influenced_pixels(view, prepared)
             self._list = PixelList(view, self.pixels)
-            plate = self.plate.reshape(-1, 3)
+            plate = (self.plate if self._own is None else self._own.scaled).reshape(-1, 3)
             light_tracer = prepared.integrator.light_tracer
             self._light = None
             if light_tracer is not None:
@@ -105,7 +117,12 @@ class Rendering:
             self.errors = PictureError(prepared, self._sampling, self._accumulator, some, seed, self._parameters)
             # What the preparation used is worth more to what follows than to Dr.Jit's own cache.
             dr.flush_malloc_cache()
-        self._allocation = Allocation(self._list, self._accumulator, self.errors, self._parameters)
+        self._support, shared = None, None
+        if sharing is not None:
+            with DEVICE_LOCK:
+                self._support = matte_support(view, prepared)
+            shared = np.where(self._support.reshape(-1)[self.pixels], np.int32(sharing), np.int32(1))
+        self._allocation = Allocation(self._list, self._accumulator, self.errors, self._parameters, shared)
         self._round: Round | None = None
         self._digests: tuple[str, str] | None = None
 
@@ -205,6 +222,8 @@ class Rendering:
         means = dict(vars(self._accumulator.estimates(finish)))
         for name in list(means):  # One by one, so that a large image is never there twice as a whole.
             means[name] = self._list.scattered(means.pop(name))
+            if self._own is not None and name != "coverage":
+                means[name] *= self._own.gain**2 if name == "variance" else self._own.gain
             if finish:
                 dr.flush_malloc_cache()
         frame = Frame(
@@ -216,14 +235,18 @@ class Rendering:
             matrices=view_matrices(self._view, self._scene.panorama.viewpoint),
             object_names=tuple(thing.name for thing in self._scene.synthetic),
             topology=self._view.topology,
+            support=self._support,
         )
         if auxiliary:
             names = shape_names(self._scene.synthetic)
-            seen = render_auxiliary(self._view, self._prepared, names, frame.coverage, self._parameters)
+            picture = None if self._own is None else self._own.scaled
+            seen = render_auxiliary(self._view, self._prepared, names, frame.coverage, self._parameters, picture)
             frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
-            frame.photograph = render_shares(self._view, self._prepared.place)
+            frame.photograph = None if self._own is not None else render_shares(self._view, self._prepared.place)
             owners = [index for index, _ in self._prepared.shapes]
             frame.object_id = seen.mattes.dominant(frame.coverage.size, owners).reshape(frame.coverage.shape)
+        if finish:
+            dr.flush_malloc_cache()  # To write a large image takes memory as well.
         return frame
 
     def origin(self, samples: int) -> Origin:
@@ -353,6 +376,9 @@ class Rendering:
             "irradiance_error": f"{report.mean_error:.5f}",
             EXPOSURE: f"{auto_exposure(self._scene.panorama.radiance):.3f}",
         }
+        if self._own is not None:
+            facts[PLATE_GAIN] = " ".join(f"{value:.5g}" for value in self._own.gain)
+            facts[EXPOSURE] = f"{float(facts[EXPOSURE]) - np.log2(self._own.gain.mean()):.3f}"
         if self.errors.shared.spent:
             facts |= {
                 "light_list_error": f"{self.errors.light_list():.5f}",

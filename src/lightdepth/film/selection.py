@@ -55,6 +55,27 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
     return _pixels_of(_grown(kept, view.topology), width, height)
 
 
+def matte_support(view: Viewpoint, prepared: Prepared) -> NDArray[np.bool_]:
+    """Pixels that show support without gloss in their middle, whose change does not depend on the camera.
+
+    Surfaces with rest positions are left out: what they show is not a share of the photograph.
+
+    Returns:
+        Shape (height, width).
+    """
+    surfaces = prepared.surfaces
+    width, height = view.resolution
+    result = np.empty((height, width), bool)
+    for band in bands(width, height):
+        seen = view.pixel_rays(band.column, band.row, mi.Point2f(0.5), mi.Point2f(0.5))
+        found = first_hit(surfaces.all, seen.ray, coherent=True, active=seen.inside)
+        on_real = seen.inside & surfaces.is_real(found)
+        hit = surfaces.real_hit(seen.ray, found, on_real)
+        matte = on_real & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0)
+        result[band.rows] = matte.numpy().reshape(band.shape)
+    return result
+
+
 def _grown(kept: NDArray[np.bool_], topology: Topology) -> NDArray[np.bool_]:
     """The kept tiles and all their neighbours, beyond edges and seams of the film as well."""
     result = kept.copy()

@@ -15,6 +15,9 @@ MEANS = ("change", "synthetic", "coverage", "alpha")
 OPTIONAL_MEANS = ("normal", "albedo", "photograph")
 """likewise, of those that a frame may lack."""
 
+WHOLE = 1e-6
+"""By which the shares of all instants may differ from one."""
+
 
 class ShutterMean:
     """Collects the frames of one camera at several instants.
@@ -70,14 +73,22 @@ class ShutterMean:
         self._weight += share
         self._number += 1
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing was added."""
+        return self._first is None
+
     def frame(self) -> Frame:
-        """The frame with its motion blur.
+        """The frame with its motion blur; where a part of the time was not added, the mean of the rest.
 
         Its plate is that of the instants, bit for bit, where the camera stands; else their mean. ``change`` then also
         holds what the mean of plates behind moving objects differs from the mean plate behind their mean coverage, so
         that the finished picture is the mean of those of the instants.
         """
-        first, kept, sums = self._first, self._kept, self._sums
+        first, kept, sums, weight = self._first, self._kept, self._sums, self._weight
+        if abs(weight - 1.0) > WHOLE:
+            whole = {"samples": 1.0, "variance": weight**2}
+            sums = {name: (values / whole.get(name, weight)).astype(values.dtype) for name, values in sums.items()}
         assert first is not None
         assert kept is not None
         plate = first.plate if self._still else sums["plate"]
@@ -88,12 +99,12 @@ class ShutterMean:
         if normal is not None:
             lengths = np.linalg.norm(normal, axis=2, keepdims=True)
             normal = np.divide(normal, lengths, out=np.zeros_like(normal), where=lengths > 0.0)
-        mattes = _merged(self._mattes)
+        mattes = _merged([(each, share / weight) for each, share in self._mattes])
         object_id = kept.object_id
         if mattes is not None and object_id is not None:
             owners = [kept.object_names.index(name) for name in mattes.objects]
             object_id = mattes.dominant(coverage.size, owners).reshape(coverage.shape)
-        facts = {**kept.metadata, "samples": f"{self._taken:.1f}", "error": f"{np.sqrt(self._errors):.5f}"}
+        facts = {**kept.metadata, "samples": f"{self._taken:.1f}", "error": f"{np.sqrt(self._errors) / weight:.5f}"}
         return replace(
             kept,
             plate=plate,

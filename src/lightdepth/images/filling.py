@@ -6,7 +6,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
-from scipy.sparse.linalg import spsolve
 
 MARK = (1.0, 0.0, 1.0)
 """Magenta, in units of the panorama's median: no place looks like that."""
@@ -80,6 +79,8 @@ def _harmonic(values: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[
         entries.append((cell[~fixed], index[row[~fixed], column[~fixed]], -flow[~fixed]))
     entries.append((cell, cell, diagonal))
     index_i, index_j, data = (np.concatenate(parts) for parts in zip(*entries, strict=True))
+    from scipy.sparse.linalg import spsolve  # Few panoramas have a hole to be filled.
+
     matrix = coo_matrix((data, (index_i, index_j)), shape=(count, count)).tocsc()
     result = values.copy()
     result[~known] = np.stack([spsolve(matrix, right[:, channel]) for channel in range(right.shape[1])], axis=-1)

@@ -52,11 +52,7 @@ def read_photograph(path: Path) -> PanoramaImage:
         InputError: the file is unreadable, no panorama, mirrored, upside down, or in colours that are not read.
         SetupError: HEIC, and the package that reads it is not installed.
     """
-    if path.suffix.lower() in HEIF:
-        optional_package("pillow_heif", "heic").register_heif_opener()
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", module="PIL")  # Of many pixels, and of EXIF data that are not read here.
-        pixels, profile, xmp, gains = _decoded(path)
+    pixels, profile, xmp, gains = _opened(path)
     height, width = pixels.shape[:2]
     sphere = read_photo_sphere(xmp, width, height, str(path))
     _check_shape(pixels, sphere, path)
@@ -90,6 +86,29 @@ def read_photograph(path: Path) -> PanoramaImage:
         )
         radiance = fill(radiance, known)
     return PanoramaImage(radiance, None if sphere is None else sphere.rotation, tuple(notes), unknown)
+
+
+def read_flat_photograph(path: Path) -> NDArray[np.float32]:
+    """Read an ordinary photograph of any shape, made linear as :func:`read_photograph` does it.
+
+    Returns:
+        Linear Rec.709, shape (height, width, 3), float32; 1 is the screen's white. What is transparent is as in the file.
+
+    Raises:
+        InputError: the file is unreadable, mirrored, not upright, or in colours that are not read.
+        SetupError: HEIC, and the package that reads it is not installed.
+    """
+    pixels, profile, _, gains = _opened(path)
+    return _linear(pixels[..., :3], profile, gains if isinstance(gains, GainMap) else None)
+
+
+def _opened(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str | None]:
+    """:func:`_decoded`, of HEIC as well."""
+    if path.suffix.lower() in HEIF:
+        optional_package("pillow_heif", "heic").register_heif_opener()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", module="PIL")  # Of many pixels, and of EXIF data that are not read here.
+        return _decoded(path)
 
 
 def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str | None]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.start import start
 from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Mesh
@@ -98,10 +97,11 @@ def _cast(
     import mitsuba as mi
 
     from lightdepth.kernel.tracing import first_hit
+    from lightdepth.kernel.variables import as_vectors
 
     ray = mi.Ray3f(
-        mi.Point3f(*map(mi.Float, aligned_columns(origins))),
-        mi.Vector3f(*map(mi.Float, aligned_columns(directions))),
+        mi.Point3f(as_vectors(origins)),
+        as_vectors(directions),
     )
     found = first_hit(scene, ray, coherent=True)
     valid = found.is_valid()

@@ -5,7 +5,14 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
+
+from lightdepth.kernel.arrays import aligned_columns
+
+
+def as_vectors(rows: NDArray) -> mi.Vector3f:
+    """Vectors or points of shape (n, 3)."""
+    return mi.Vector3f(*map(mi.Float, aligned_columns(rows)))
 
 
 def as_point(point: ArrayLike) -> mi.Point3f:

@@ -91,7 +91,12 @@ class Mirror:
         from lightdepth.place.traced_surfaces import TracedSurfaces
 
         real = tuple(replace(surface, gloss=None) for surface in scene.real)
-        self._place = Place(scene.panorama, TracedSurfaces(merge_real_surfaces(real)), suns=scene.lights)
+        self._place = Place(
+            scene.panorama,
+            TracedSurfaces(merge_real_surfaces(real)),
+            suns=scene.lights,
+            parameters=scene.render.parameters.place,
+        )
         self._seed, self._view = scene.render.seed, view
         self._caster = RayCaster([surface.mesh for surface in real])
         self._surface = view.look(view.centers()).surface.reshape(view.height, view.width)

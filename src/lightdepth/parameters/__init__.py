@@ -10,11 +10,19 @@ from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
+from lightdepth.parameters.place import PlaceParameters
 from lightdepth.parameters.ranges import CHECKED
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.parameters.transport import TransportParameters
 
-__all__ = ["DenoisingParameters", "FilmParameters", "Parameters", "RecoveryParameters", "TransportParameters"]
+__all__ = [
+    "DenoisingParameters",
+    "FilmParameters",
+    "Parameters",
+    "PlaceParameters",
+    "RecoveryParameters",
+    "TransportParameters",
+]
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -22,6 +30,7 @@ class Parameters:
     """One object for each room; vary them by :func:`dataclasses.replace`, which checks them.
 
     Attributes:
+        place: of what the place is taken to be.
         recovery: of recovering albedo and irradiance.
         transport: of following paths.
         film: of taking samples, and of the layers other than light.
@@ -31,6 +40,7 @@ class Parameters:
         pydantic.ValidationError: a number is out of its range; so do those of the rooms.
     """
 
+    place: PlaceParameters = PlaceParameters()
     recovery: RecoveryParameters = RecoveryParameters()
     transport: TransportParameters = TransportParameters()
     film: FilmParameters = FilmParameters()

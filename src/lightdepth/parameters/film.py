@@ -52,6 +52,10 @@ class FilmParameters:
         cache_samples: paths in each of them.
         layer_subpixels: points along each side of a pixel over which normal and albedo are averaged.
         edge_samples: points in a pixel that shows an object's edge, by which the objects' coverage is measured.
+        highlight_samples: of each of two techniques in each pixel of the photograph whose highlights move with the camera.
+        draft_highlight_samples: the same in a draft.
+        highlight_blur: pixels across the square in which the noise of a lobe is shared that is wider; narrower ones have
+            little, but edges.
         most_plate_subpixels: points along each side of a pixel at which the photograph is looked up, at most.
         fewest_lens_points: points of the lens for each pixel of the photograph that it blurs, at least; powers of two,
             in which Sobol's sequence is even.
@@ -88,6 +92,9 @@ class FilmParameters:
     cache_samples: Count = 32
     layer_subpixels: Count = 2
     edge_samples: PowerOfTwo = 32
+    highlight_samples: Count = 64
+    draft_highlight_samples: Count = 16
+    highlight_blur: Count = 3
     most_plate_subpixels: Count = 8
     fewest_lens_points: PowerOfTwo = 64
     most_lens_points: PowerOfTwo = 256

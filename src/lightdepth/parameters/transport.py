@@ -17,6 +17,12 @@ class TransportParameters:
     Attributes:
         candidates: RIS candidates for each shadow ray; one is kept, in proportion to the light that would arrive
             unoccluded. More cost more than they gain once the brightest few lights are told apart.
+        unlikely_sun: share of the vertices that test whether a declared sun is visible, among those where its shadow map
+            finds that it is not.
+        directed_share: of the scattered rays at support, that are object-directed where the objects fill a small part of
+            the view.
+        glossy_share: of the other ones, that sample the specular lobe of a glossy surface.
+        most_spheres: objects beyond this count share bounding spheres; each costs a test at each support vertex.
         roulette_depth: scatterings before Russian roulette by throughput begins.
         largest_survival: probability with which a path goes on at most, so that none is endless.
         roulette_gain: between support surfaces, a path survives Russian roulette in proportion to the share of the
@@ -44,6 +50,10 @@ class TransportParameters:
     """
 
     candidates: Count = 8
+    unlikely_sun: Probability = 0.0625
+    directed_share: Probability = 0.5
+    glossy_share: Probability = 0.5
+    most_spheres: Count = 6
     roulette_depth: Depth = 3
     largest_survival: Probability = 0.99
     roulette_gain: NotNegative = 6.0

@@ -15,14 +15,10 @@ import mitsuba as mi
 import numpy as np
 
 from lightdepth.kernel.variables import as_point
+from lightdepth.parameters.transport import DEFAULT, TransportParameters
 
 Sphere = tuple[np.ndarray, float]
 """Centre, shape (3,), world, and radius, both in metres."""
-MOST_SPHERES = 6
-"""Objects beyond this count share spheres; every sphere costs a test at each support vertex."""
-DIRECTED_SHARE = 0.5
-"""Share of object-directed samples where the objects fill a small part of the view."""
-
 ROUNDING = 1.0 + 1e-3
 """Factor on the squared sine of a cone's angle up to which directions count as inside: its rim is rounded."""
 NEAR = 0.5
@@ -34,16 +30,18 @@ class ObjectBounds:
 
     Args:
         spheres: around each of them.
+        parameters: how many spheres at most, and how often they are sampled.
     """
 
-    def __init__(self, spheres: Sequence[Sphere]) -> None:
-        self.spheres = _merge_nearest(list(spheres))
+    def __init__(self, spheres: Sequence[Sphere], parameters: TransportParameters = DEFAULT) -> None:
+        self.spheres = _merge_nearest(list(spheres), parameters.most_spheres)
+        self._directed_share = parameters.directed_share
         self._centres = [as_point(centre) for centre, _ in self.spheres]
         self._radii = [dr.opaque(mi.Float, radius) for _, radius in self.spheres]
 
     def cones(self, point: mi.Point3f) -> Cones:
         """The cones of directions from points (world, metres) that the spheres fill."""
-        return Cones(point, self._centres, self._radii)
+        return Cones(point, self._centres, self._radii, self._directed_share)
 
     def beams(self, position: mi.Vector3f, finite: mi.Bool) -> Beams:
         """Light that runs from positions to the spheres.
@@ -91,7 +89,10 @@ class ObjectBounds:
 class Cones:
     """Directions from a point toward the spheres, sampled uniformly over the sum of their solid angles."""
 
-    def __init__(self, point: mi.Point3f, centres: list[mi.Point3f], radii: list[mi.Float]) -> None:
+    def __init__(
+        self, point: mi.Point3f, centres: list[mi.Point3f], radii: list[mi.Float], directed_share: float = 0.0
+    ) -> None:
+        self._directed_share = directed_share
         self._axes, self._squared_sines, self._solid_angles = [], [], []
         self.solid_angle = mi.Float(0.0)
         for centre, radius in zip(centres, radii, strict=True):
@@ -109,7 +110,7 @@ class Cones:
     @property
     def directed_share(self) -> mi.Float:
         """Share of object-directed samples: less and less where the spheres fill the view, where they gain nothing."""
-        return DIRECTED_SHARE * dr.maximum(1.0 - self.solid_angle * dr.inv_two_pi, 0.0)
+        return self._directed_share * dr.maximum(1.0 - self.solid_angle * dr.inv_two_pi, 0.0)
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
         """A unit direction, uniform over the cones; ``choice`` and ``position`` are uniform in [0, 1)."""
@@ -201,13 +202,13 @@ def _picked(choice: mi.Float, total: mi.Float, sizes: list[mi.Float], *columns: 
     return picked
 
 
-def _merge_nearest(spheres: list[Sphere]) -> list[Sphere]:
-    """Merge spheres two by two, those first whose common sphere is the smallest, until few are left."""
+def _merge_nearest(spheres: list[Sphere], most: int) -> list[Sphere]:
+    """Merge spheres two by two, those first whose common sphere is the smallest, until no more than ``most`` are left."""
     while len(spheres) > 64:  # Many objects: a coarse first round along the longest axis keeps this quick.
         axis = int(np.argmax(np.ptp([centre for centre, _ in spheres], axis=0)))
         spheres = sorted(spheres, key=lambda sphere: float(sphere[0][axis]))
         spheres = [_enclose(*spheres[i : i + 2]) for i in range(0, len(spheres), 2)]
-    while len(spheres) > MOST_SPHERES:
+    while len(spheres) > most:
         pairs = [(i, j) for i in range(len(spheres)) for j in range(i)]
         i, j = min(pairs, key=lambda pair: _enclose(spheres[pair[0]], spheres[pair[1]])[1])
         merged = _enclose(spheres[i], spheres[j])

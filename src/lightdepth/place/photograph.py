@@ -15,12 +15,14 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter
 
 from lightdepth.directions import latlong_to_direction as direction_of_latlong
 from lightdepth.kernel.arrays import aligned_empty
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.tracing import first_hit
 from lightdepth.kernel.variables import as_matrix, as_point
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.place.feather import edge_feather, mask_feather
 from lightdepth.place.light_list import LightSample
 from lightdepth.place.map_distribution import MapDistribution, direction_to_latlong, latlong_to_direction
@@ -37,6 +39,8 @@ SKY_ROWS = 256
 """Rows of pixels, at most, from which the sky's mean radiance is taken."""
 BEFORE = 0.9
 """Times the model's distance; where several photographs are weighed, what was measured nearer is something else."""
+REMOVED_RIM = 2
+"""Pixels of the map around what is removed that count as showing it."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
 
@@ -50,6 +54,7 @@ class Photograph(Photographed):
         infinite: take every depth as infinite: the directional method.
         alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
         gain: of each channel; ``None`` is 1.
+        parameters: how it is feathered, and how unseen sky is guessed.
 
     Attributes:
         map: its radiance as light.
@@ -63,8 +68,9 @@ class Photograph(Photographed):
         infinite: bool = False,
         alone: bool = False,
         gain: NDArray[np.float32] | None = None,
+        parameters: PlaceParameters = DEFAULT,
     ) -> None:
-        self._gain = gain
+        self._gain, self._parameters = gain, parameters
         self.map = MapDistribution(self._scaled(panorama.light_radiance), alone)
         self._shown = self.map
         if panorama.unclipped is not None or panorama.plate is not None:
@@ -118,12 +124,12 @@ class Photograph(Photographed):
         shape = self.map.height, self.map.width
         clarity = np.ones((*shape, 2), np.float32)
         if self.surfaces.has_real:
-            clarity[..., 0] = edge_feather(self._depth.numpy().reshape(shape))
+            clarity[..., 0] = edge_feather(self._depth.numpy().reshape(shape), self._parameters)
         counts = np.ones(shape, np.float32) if panorama.mask is None else panorama.mask
         if panorama.depth is not None and self.surfaces.has_real:
             counts = counts * self._modelled(panorama.depth)
         if not (counts == 1.0).all():
-            clarity[..., 1] = mask_feather(counts)
+            clarity[..., 1] = mask_feather(counts, self._parameters)
         photograph._clarity = _texture(clarity)
         return photograph
 
@@ -354,7 +360,7 @@ class Photograph(Photographed):
             cosine = dr.abs(dr.dot(hit.normal, direction))
             depth = dr.select(hit.valid, hit.distance, dr.inf)
             seen = self._capture_sees(self._mapped_depth(w0), depth, cosine)
-            finite, relit = hit.valid, hit.kind == int(FaceKind.RELIT)
+            finite, relit = hit.valid, self.surfaces.leaves_with_objects(hit)
             position = dr.select(finite, mi.Vector3f(hit.point), direction)
             normal = hit.normal
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
@@ -376,7 +382,7 @@ class Photograph(Photographed):
         u, v = np.meshgrid((column + 0.5) / self.map.width, (row + 0.5) / self.map.height)
         directions = direction_of_latlong(u, v) @ panorama.rotation.T
         some = np.ix_(row, column)
-        found = sky_map(self._scaled(panorama.light_radiance[some]), sky[some], directions)
+        found = sky_map(self._scaled(panorama.light_radiance[some]), sky[some], directions, self._parameters)
         if found is None:
             return None
         return _texture(found)
@@ -398,11 +404,19 @@ class Photograph(Photographed):
         if self.infinite or not self.surfaces.has_real:
             return mi.Float(dr.inf)
         depth = aligned_empty((self.map.height, self.map.width))
+        removed = np.zeros(depth.shape, bool)
         for band in bands(self.map.width, self.map.height):
             u, v = (band.column + 0.5) / self.map.width, (band.row + 0.5) / self.map.height
             ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
             found = first_hit(self.surfaces.real, ray, coherent=True)
             depth[band.rows] = dr.select(found.is_valid(), found.t, dr.inf).numpy().reshape(band.shape)
+            if self.surfaces.has_removed:
+                hit = self.surfaces.real_hit(ray, found, found.is_valid())
+                removed[band.rows] = (hit.kind == int(FaceKind.REMOVED)).numpy().reshape(band.shape)
+        if removed.any():
+            # The pixels around it show some of it too.
+            around = np.where(removed, depth, np.float32(np.inf))
+            depth[...] = np.minimum(depth, minimum_filter(around, 2 * REMOVED_RIM + 1, mode=("nearest", "wrap")))
         return mi.Float(depth.reshape(-1))
 
     def _mapped_depth(self, w0: mi.Vector3f) -> mi.Float:

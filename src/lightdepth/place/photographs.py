@@ -16,21 +16,15 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.row_bands import bands
-from lightdepth.kernel.variables import as_point
+from lightdepth.kernel.variables import as_point, as_vectors
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.place.light_list import LightSample, joined
 from lightdepth.place.photograph import Photograph, looked_up
 from lightdepth.place.photograph_weights import Sighting, Weights, weigh
 from lightdepth.place.photographed import Photographed
-from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.model import Panorama
-
-LEAST_SHARE = 0.05
-"""Of the light samples, for each photograph."""
-LEAST_IMPORTANCE = 0.05
-"""Of a pixel that counts at all, relative to one of a point that no other photograph sees."""
 
 
 class Photographs(Photographed):
@@ -45,6 +39,7 @@ class Photographs(Photographed):
         infinite: take every depth as infinite as far as light is concerned: that of the first photograph.
         alone: as for :class:`Photograph`.
         gains: of each photograph, per channel, shape (k, 3).
+        parameters: how they are feathered, and how often each is sampled.
     """
 
     one_sided = True
@@ -56,17 +51,23 @@ class Photographs(Photographed):
         infinite: bool = False,
         alone: bool = False,
         gains: NDArray[np.float32] | None = None,
+        parameters: PlaceParameters = DEFAULT,
     ) -> None:
+        self._parameters = parameters
         self.surfaces = surfaces
         self.each = tuple(
             Photograph(
-                panorama, surfaces, alone=alone, gain=None if gains is None or (gain == 1.0).all() else gain
+                panorama,
+                surfaces,
+                alone=alone,
+                gain=None if gains is None or (gain == 1.0).all() else gain,
+                parameters=parameters,
             ).beside_others(panorama)
             for panorama, gain in zip(panoramas, np.ones((len(panoramas), 3)) if gains is None else gains, strict=True)
         )
         self._captures = [as_point(photograph.capture) for photograph in self.each]
         self._declared = self.each[0].declared(panoramas[0])
-        self._distant = Photograph(panoramas[0], surfaces, True, alone) if infinite else None
+        self._distant = Photograph(panoramas[0], surfaces, True, alone, parameters=parameters) if infinite else None
         if self._distant is None:
             importance = [self._importance(index) for index in range(len(self.each))]
             self.each = tuple(
@@ -74,7 +75,7 @@ class Photographs(Photographed):
                 for photograph, panorama, image in zip(self.each, panoramas, importance, strict=True)
             )
         power = np.array([photograph.map.power for photograph in self.each])
-        shares = np.maximum(power / max(power.sum(), 1e-300), LEAST_SHARE)
+        shares = np.maximum(power / max(power.sum(), 1e-300), parameters.least_photograph_share)
         self._shares: list[float] = (shares / shares.sum()).tolist()
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Photographs:
@@ -155,7 +156,7 @@ class Photographs(Photographed):
 
     def faced(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
         """As the base says."""
-        point, normal = (mi.Vector3f(*map(mi.Float, aligned_columns(each))) for each in (points, normals))
+        point, normal = (as_vectors(each) for each in (points, normals))
         result = np.zeros(len(points), bool)
         for photograph in self.each:
             sighting = photograph.sighting(point, normal, mi.Bool(True), normal, mi.Bool(True))
@@ -264,7 +265,7 @@ class Photographs(Photographed):
             density & own.seen,
             radiance,
             hit.valid,
-            hit.kind == int(FaceKind.RELIT),
+            self.surfaces.leaves_with_objects(hit),
             mi.Bool(False),
         )
         dr.eval(vars(sample))  # At once: one by one would trace all rays again.
@@ -279,7 +280,7 @@ class Photographs(Photographed):
             hit, direction = photograph.look_along(u, v)
             sightings = self._sightings(mi.Vector3f(hit.point), hit.normal, hit.valid, direction, mi.Bool(True))
             weights = weigh(sightings, hit.normal, hit.valid, direction)
-            share = dr.maximum(weights.shares[index], LEAST_IMPORTANCE)
+            share = dr.maximum(weights.shares[index], self._parameters.least_importance)
             image[band.rows] = dr.select(sightings[index].counts > 0.0, share, 0.0).numpy().reshape(band.shape)
         return image
 

@@ -15,19 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.tracing import meets
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.photographed import Photographed
 from lightdepth.place.photographs import Photographs
 from lightdepth.place.real_light import RealLight
+from lightdepth.place.seen_plate import SeenPlate
 from lightdepth.place.sun import Sun
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.model import Gloss, Panorama, SunLight
-
-SUN_SHARE, MOST_SUNS_SHARE = 1 / 8, 1 / 2
-"""Of the light samples for irradiance, for each sun and for all together."""
-PATHS_SHARE = 1 / 2
-"""Of the light paths, for all suns together: what is polished sends most light on where a sun shines on it."""
 
 
 class Place:
@@ -40,6 +37,7 @@ class Place:
         alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
         suns: those that the photograph does not show.
         gains: of each photograph, per channel, shape (k, 3); ``None`` is 1.
+        parameters: how it is made of its photographs, and how often its lights are sampled.
 
     Attributes:
         photograph: what was photographed: one panorama, or several as one.
@@ -48,6 +46,7 @@ class Place:
         shares: of the light samples for irradiance, for each of ``lights``.
         path_shares: of the light paths, for each of ``lights``.
         glosses: the specular lobes of its surfaces, once what they mirror is known.
+        plate: the photograph of an ordinary camera, which is the picture but not the light; ``None`` without one.
     """
 
     def __init__(
@@ -58,15 +57,18 @@ class Place:
         alone: bool = False,
         suns: Sequence[SunLight] = (),
         gains: NDArray[np.float32] | None = None,
+        parameters: PlaceParameters = DEFAULT,
     ) -> None:
+        self.parameters = parameters
         self.surfaces = surfaces
         self.infinite = infinite
-        self.photograph = _photographed(panoramas, surfaces, infinite, alone, gains)
+        self.photograph = _photographed(panoramas, surfaces, infinite, alone, gains, parameters)
         self.suns = tuple(Sun(sun, surfaces) for sun in suns)
         self.glosses: tuple[Gloss, ...] = ()
-        share = min(SUN_SHARE, MOST_SUNS_SHARE / max(len(self.suns), 1))
+        self.plate: SeenPlate | None = None
+        share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.suns), 1))
         self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
-        path_share = PATHS_SHARE / max(len(self.suns), 1)
+        path_share = parameters.sun_path_share / max(len(self.suns), 1)
         self.path_shares = (1.0 - path_share * len(self.suns), *(path_share for _ in self.suns))
 
     @property
@@ -96,6 +98,12 @@ class Place:
         place = copy(self)
         place.glosses = glosses
         place.photograph = self.photograph.with_mirrored(images)
+        return place
+
+    def with_plate(self, plate: SeenPlate) -> Place:
+        """The same place with a plate, which gives the albedo of the support that it shows."""
+        place = copy(self)
+        place.plate = plate
         return place
 
     # -- Sampling its light -------------------------------------------------------------------------------------
@@ -165,20 +173,21 @@ class Place:
             result = dr.select(light.is_sun & sun.contains(light.position), sun.transmittance(point), result)
         return result
 
-    def unblocked(self, light: LightSample, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
+    def unblocked(self, light: LightSample, ray: mi.Ray3f, active: mi.Bool, kept: bool = False) -> mi.Bool:
         """Which shadow rays meet no real surface; those toward a sun pass openings.
 
         Args:
             light: the samples that the rays run to.
             ray: from a surface, up to just before the light.
             active: which are wanted; false elsewhere.
+            kept: only those count that are not removed.
         """
         if not self.surfaces.has_real:
             return active
         tested = active & ~light.is_sun if self.suns else active
         if self.infinite:
             tested = tested & light.finite  # The map's light is taken to come past all surfaces.
-        free = active & ~meets(self.surfaces.real, ray, tested)
+        free = active & ~meets(self.surfaces.kept if kept else self.surfaces.real, ray, tested)
         if self.suns:
             toward_sun = active & light.is_sun
             free &= ~meets(self.surfaces.blockers, ray, toward_sun)
@@ -199,9 +208,10 @@ def _photographed(
     infinite: bool,
     alone: bool,
     gains: NDArray[np.float32] | None,
+    parameters: PlaceParameters,
 ) -> Photographed:
     """A single panorama by itself needs no weighing."""
     several = [panoramas] if isinstance(panoramas, Panorama) else list(panoramas)
     if len(several) == 1 and several[0].mask is None:
-        return Photograph(several[0], surfaces, infinite, alone)
-    return Photographs(several, surfaces, infinite, alone, gains)
+        return Photograph(several[0], surfaces, infinite, alone, parameters=parameters)
+    return Photographs(several, surfaces, infinite, alone, gains, parameters)

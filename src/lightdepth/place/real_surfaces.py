@@ -19,6 +19,7 @@ class FaceKind(IntEnum):
     SUPPORT = 1
     RELIT = 2  # Support with rest positions: scatters all light by its recovered albedo (paper, section 5.8).
     OPENING = 3  # Environment through which declared suns shine in.
+    REMOVED = 4  # What leaves the picture: it is there before the change, and not afterwards.
 
 
 RECEIVING = (FaceKind.SUPPORT, FaceKind.RELIT)
@@ -90,6 +91,8 @@ def merge_real_surfaces(surfaces: Sequence[RealSurface]) -> RealSurfaces:
         kind = FaceKind.OPENING if surface.opening else FaceKind.ENVIRONMENT
         if surface.role == Role.SUPPORT:
             kind = FaceKind.SUPPORT if mesh.rest is None else FaceKind.RELIT
+        if surface.removed:
+            kind = FaceKind.REMOVED
         vertices.append(mesh.vertices)
         faces.append(mesh.faces + offset)
         kinds.append(np.full(len(mesh.faces), kind, np.uint32))

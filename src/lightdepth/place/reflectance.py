@@ -8,15 +8,9 @@ from __future__ import annotations
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.place.place import Place
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
-
-GLOWING = 1.5
-"""Ratio ``pi M / E`` above which a support surface is taken to emit light by itself."""
-LEAST_DIFFUSE = 0.5
-"""Share of its typical diffuse radiance that a glossy surface keeps wherever its lobe would mirror more than is shown."""
-ALWAYS_MIRRORED = 0.3
-"""Share of its radiance that may be mirrored even there, where its texture is dark."""
 
 
 def recovered_reflectance(
@@ -32,21 +26,28 @@ def recovered_reflectance(
         active: where it is wanted.
     """
     radiance = place.photograph.surface_radiance(hit, direction, active)
+    if place.plate is not None:
+        radiance = place.plate.over(radiance, hit, direction, active)
     rho, specular_scale = reflectance(
         radiance,
         surfaces.irradiance(hit, active),
         place.photograph.mirrored(hit, direction, active),
         surfaces.typical_albedo(hit, active),
+        place.parameters,
     )
     return rho & active & surfaces.receives(hit), specular_scale & active
 
 
 def reflectance(
-    radiance: mi.Color3f, irradiance: mi.Color3f, mirrored: mi.Color3f, typical_albedo: mi.Color3f
+    radiance: mi.Color3f,
+    irradiance: mi.Color3f,
+    mirrored: mi.Color3f,
+    typical_albedo: mi.Color3f,
+    tuned: PlaceParameters = DEFAULT,
 ) -> tuple[mi.Color3f, mi.Color3f]:
     """Recovered albedo ``rho`` and the factor on the specular lobe, per channel (theory, eq. 6).
 
-    A ratio a little above 1 is noise of the photograph or the geometry and is clamped; one above ``GLOWING`` in any
+    A ratio a little above 1 is noise of the photograph or the geometry and is clamped; one above ``tuned.glowing`` in any
     channel means that the surface glows by itself, or that the geometry is wrong: it scatters nothing. Where the lobe
     mirrors something that the photograph does not show there, it is scaled down, so that the surface stays diffuse.
 
@@ -55,10 +56,11 @@ def reflectance(
         irradiance: E there.
         mirrored: S there, 0 without gloss.
         typical_albedo: of the diffuse part of the surface, 0 without gloss.
+        tuned: what glows, and how much may be mirrored.
     """
-    diffuse = typical_albedo * irradiance * (LEAST_DIFFUSE * dr.inv_pi)
-    allowed = dr.minimum(mirrored, dr.maximum(radiance - diffuse, ALWAYS_MIRRORED * radiance))
+    diffuse = typical_albedo * irradiance * (tuned.least_diffuse * dr.inv_pi)
+    allowed = dr.minimum(mirrored, dr.maximum(radiance - diffuse, tuned.always_mirrored * radiance))
     ratio = dr.pi * dr.maximum(radiance - allowed, 0.0) / dr.maximum(irradiance, 1e-20)
-    glowing = dr.max(ratio) > GLOWING
+    glowing = dr.max(ratio) > tuned.glowing
     specular_scale = allowed / dr.maximum(mirrored, 1e-20)
     return dr.select(glowing, 0.0, dr.minimum(ratio, 1.0)), dr.select(glowing, 0.0, specular_scale)

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter
 
-from lightdepth.kernel.arrays import aligned, aligned_columns
+from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.tracing import first_hit, meets
-from lightdepth.kernel.variables import as_point
+from lightdepth.kernel.variables import as_point, as_vectors
 from lightdepth.place.light_list import LightSample
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.real_surfaces import FaceKind
@@ -139,7 +139,7 @@ class _ShadowMap:
         s, t = np.meshgrid(low[0] + (np.arange(columns) + 0.5) * cell, low[1] + (np.arange(rows) + 0.5) * cell)
         top = float((corners @ direction).max()) + 1.0
         starts = s[..., None] * right + t[..., None] * up + top * direction
-        origin = mi.Point3f(*map(mi.Float, aligned_columns(starts.reshape(-1, 3))))
+        origin = mi.Point3f(as_vectors(starts.reshape(-1, 3)))
         ray = mi.Ray3f(origin, mi.Vector3f(*(-direction).tolist()))
         found = first_hit(surfaces.blockers, ray, coherent=True)
         reached = np.where(found.is_valid().numpy(), top - found.t.numpy(), -np.inf).reshape(rows, columns)

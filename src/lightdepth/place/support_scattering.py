@@ -12,11 +12,10 @@ from collections.abc import Sequence
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.object_bounds import Cones
 from lightdepth.scene.model import Gloss
 
-GLOSSY_SHARE = 0.5
-"""Share of the scattered rays that sample the specular lobe of a glossy surface."""
 SMALLEST_ALPHA = 1e-3
 
 
@@ -31,9 +30,11 @@ class SpecularLobes:
 
     Args:
         glosses: the lobes; index 0 means none, index i + 1 the i-th.
+        parameters: how often they are sampled.
     """
 
-    def __init__(self, glosses: Sequence[Gloss]) -> None:
+    def __init__(self, glosses: Sequence[Gloss], parameters: TransportParameters = DEFAULT) -> None:
+        self.glossy_share = parameters.glossy_share
         self.any = len(glosses) > 0
         self._alpha = mi.Float([1.0, *(max(gloss.roughness**2, SMALLEST_ALPHA) for gloss in glosses)])
         self._ior = mi.Float([1.0, *(index_of_refraction(gloss.specular) for gloss in glosses)])
@@ -82,7 +83,7 @@ class SupportScattering:
         self._specular_scale = mi.Color3f(specular_scale)
         self._cones = cones
         self._directed = directed * cones.directed_share if cones is not None else mi.Float(0.0)
-        self._glossy = dr.select(gloss > 0, GLOSSY_SHARE, 0.0) if lobes.any else mi.Float(0.0)
+        self._glossy = dr.select(gloss > 0, lobes.glossy_share, 0.0) if lobes.any else mi.Float(0.0)
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
         """Draw a unit direction in world space; the arguments are uniform in [0, 1)."""

@@ -1,4 +1,8 @@
-"""The real and the synthetic surfaces as Mitsuba scenes, traced side by side, and tables of the real faces."""
+"""The real and the synthetic surfaces as Mitsuba scenes, traced side by side, and tables of the real faces.
+
+What is removed is there before the change, and not afterwards: it is in ``real``, but not in ``kept``, ``all`` and
+``shown``. In its place, ``synthetic`` and ``all`` have shapes that let light pass, where paths learn that it went.
+"""
 
 from __future__ import annotations
 
@@ -62,6 +66,8 @@ class TracedSurfaces:
         changes: whether what any real surface shows may change: support that is not relit, or environment with gloss.
         materials: of the synthetic shapes.
         blockers: the real surfaces that are no openings.
+        kept: the real surfaces that are not removed.
+        shown: these and the synthetic ones.
     """
 
     def __init__(self, surfaces: RealSurfaces, shapes: Sequence[mi.Shape] = ()) -> None:
@@ -74,25 +80,40 @@ class TracedSurfaces:
         # Robust, since light and depth are looked up along rays through vertices; elsewhere it would cost a tenth more.
         self.real = _scene(self._real_shapes, robust=True)
         self.blockers = self._blockers(surfaces, black)
+        self.kept = self.real
+        self.has_removed = FaceKind.REMOVED in self.kinds
+        if self.has_removed:
+            # Faces of no area are never met; so the others keep their numbers.
+            faces = np.where((surfaces.kind == FaceKind.REMOVED)[:, None], surfaces.faces[:, :1], surfaces.faces)
+            self._real_shapes = {"real": mesh_shape(Mesh(surfaces.vertices, faces), black)}
+            self.kept = _scene(self._real_shapes, robust=True)
         self._real_shape = mi.UInt32(0)
         if self.has_real:
             self._real_shape = dr.opaque(mi.UInt32, registered(mi.ShapePtr(self._real_shapes["real"])))
         self._fill_tables(surfaces)
-        self._add_synthetic(shapes)
+        self._add_synthetic(shapes, None)
 
-    def with_synthetic(self, shapes: Sequence[mi.Shape]) -> TracedSurfaces:
-        """The same real surfaces with these synthetic shapes."""
+    def with_synthetic(self, shapes: Sequence[mi.Shape], removed: mi.Shape | None = None) -> TracedSurfaces:
+        """The same real surfaces with these synthetic shapes.
+
+        Args:
+            shapes: the synthetic shapes.
+            removed: stands for what is removed, lets all light pass, and is met before it.
+        """
         traced = copy(self)
-        traced._add_synthetic(shapes)
+        traced._add_synthetic(shapes, removed)
         return traced
 
-    def _add_synthetic(self, shapes: Sequence[mi.Shape]) -> None:
+    def _add_synthetic(self, shapes: Sequence[mi.Shape], removed: mi.Shape | None) -> None:
         new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
-        self.has_synthetic = len(shapes) > 0
+        passed = {} if removed is None else {"removed": removed}
+        self._removed_shape = None if removed is None else dr.opaque(mi.UInt32, registered(mi.ShapePtr(removed)))
+        self.has_synthetic = len(shapes) > 0 or removed is not None
         # Robust as well: built without spatial splits, in a quarter of the time, and traced as fast.
-        self.synthetic = _scene(new, robust=True)
-        self.all = _scene({**self._real_shapes, **new})
-        self.materials = Materials(shapes)
+        self.synthetic = _scene({**new, **passed}, robust=True)
+        self.all = _scene({**self._real_shapes, **new, **passed})
+        self.shown = self.all if removed is None else _scene({**self._real_shapes, **new})
+        self.materials = Materials([*shapes, *passed.values()])
 
     def _blockers(self, surfaces: RealSurfaces, black: mi.BSDF) -> mi.Scene:
         """The real surfaces without openings: what keeps a declared sun out."""
@@ -125,7 +146,7 @@ class TracedSurfaces:
         facts = np.zeros((max(count, 1), 4), np.uint32)
         facts[:count, 0] = surfaces.first_node
         facts[:count, 1] = surfaces.divisions
-        facts[:count, 3] = surfaces.kind | (surfaces.gloss << 2)
+        facts[:count, 3] = surfaces.kind | (surfaces.gloss << 3)
         self._facts = mi.UInt32(aligned(facts, np.uint32))
         self._normals = mi.Float(_padded(face_normals(surfaces.vertices, surfaces.faces)))
         self._irradiance = mi.Float(_padded(surfaces.irradiance))
@@ -152,6 +173,16 @@ class TracedSurfaces:
             return mi.Bool(False)
         return found.is_valid() & (dr.reinterpret_array(mi.UInt32, found.shape) == self._real_shape)
 
+    def is_removed(self, found: mi.PreliminaryIntersection3f) -> mi.Bool:
+        """Whether intersections with everything lie where something was removed."""
+        if self._removed_shape is None:
+            return mi.Bool(False)
+        return found.is_valid() & (dr.reinterpret_array(mi.UInt32, found.shape) == self._removed_shape)
+
+    def leaves_with_objects(self, hit: RealHit) -> mi.Bool:
+        """Whether what real surfaces that were met send is not there after the change: relit and removed ones."""
+        return (hit.kind == int(FaceKind.RELIT)) | (hit.kind == int(FaceKind.REMOVED))
+
     def real_hit(self, ray: mi.Ray3f, found: mi.PreliminaryIntersection3f, valid: mi.Bool) -> RealHit:
         """Look up the values of the real faces that were hit, where ``valid``."""
         face = dr.select(valid, found.prim_index, 0)
@@ -164,8 +195,8 @@ class TracedSurfaces:
             mi.Vector3f(normal.x, normal.y, normal.z),
             face,
             mi.Point2f(found.prim_uv),
-            dr.select(valid, flags & 3, int(FaceKind.ENVIRONMENT)),
-            flags >> 2,
+            dr.select(valid, flags & 7, int(FaceKind.ENVIRONMENT)),
+            flags >> 3,
         )
 
     def irradiance(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:

@@ -16,6 +16,7 @@ from lightdepth.place.real_surfaces import merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.preparation.objects import prepare_objects
 from lightdepth.preparation.place import modelled_surfaces, prepare_place
+from lightdepth.preparation.plate import with_plate
 from lightdepth.recovery.support_irradiance import IrradianceReport
 from lightdepth.scene.model import Scene
 from lightdepth.store import Store
@@ -55,9 +56,11 @@ class Method(Protocol):
 
 
 def _difference(scene: Scene, store: Store | None = None, infinite: bool = False) -> Prepared:
+    if any(surface.removed for surface in scene.real):
+        _check_removal(scene, infinite)
     prepared, objects = prepare_place(scene, infinite, store), prepare_objects(scene)
-    surfaces = prepared.place.surfaces.with_synthetic([shape for _, shape in objects.shapes])
-    place = prepared.place.with_surfaces(surfaces)
+    surfaces = prepared.place.surfaces.with_synthetic([shape for _, shape in objects.shapes], objects.removed)
+    place = with_plate(prepared.place.with_surfaces(surfaces), scene, prepared)
     settings = scene.render
     # Compiling the kernel of light tracing takes longer than a draft's noise is worth.
     polished = None if settings.draft else objects.polished
@@ -76,6 +79,15 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
     return Prepared(place, surfaces, integrator, objects.shapes, irradiance, prepared.gains, prepared.plates)
 
 
+def _check_removal(scene: Scene, infinite: bool) -> None:
+    name = next(surface.name for surface in scene.real if surface.removed)
+    where = f'{scene.path or "scene"}: [[real]] "{name}": removed = true'
+    if infinite:
+        raise InputError(f"{where} needs method 'difference', which knows where things are")
+    if scene.lights:
+        raise InputError(f"{where} and [[light]] '{scene.lights[0].name}' cannot be together yet; give one of them up")
+
+
 def _directional(scene: Scene, store: Store | None = None) -> Prepared:
     return _difference(scene, store, infinite=True)
 
@@ -90,11 +102,17 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
         raise InputError(
             f"{scene.path or 'scene'}: method 'envpath' uses one panorama without a mask; use 'difference' or 'directional'"
         )
+    if scene.plate is not None:
+        raise InputError(
+            f"{scene.path or 'scene'}: method 'envpath' cannot use a [plate]; use 'difference' or 'directional'"
+        )
+    if any(surface.removed for surface in scene.real):
+        raise InputError(f"{scene.path or 'scene'}: method 'envpath' removes nothing; use 'difference'")
     modelled = merge_real_surfaces(modelled_surfaces(scene))
     objects = prepare_objects(scene)
     real = support_with_scale_factors(scene, modelled)
     surfaces = TracedSurfaces(real, [shape for _, shape in objects.shapes])
-    place = Place(scene.panorama, surfaces, alone=True)
+    place = Place(scene.panorama, surfaces, alone=True, parameters=scene.render.parameters.place)
     settings = scene.render
     integrator = EnvpathIntegrator(
         place, surfaces, scene.panorama, objects.bounds, settings.max_bounces, settings.parameters.transport

@@ -8,7 +8,9 @@ from dataclasses import dataclass
 import mitsuba as mi
 
 from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
+from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.preparation.removed import removed_shape
 from lightdepth.scene.model import Scene
 
 
@@ -20,11 +22,13 @@ class PreparedObjects:
         shapes: each with the index of its object in the scene.
         bounds: spheres around them; ``None`` without objects.
         polished: spheres around those with a narrow specular lobe; ``None`` where there are none.
+        removed: stands for the real surfaces that are removed, of which ``bounds`` has spheres too; ``None`` without.
     """
 
     shapes: tuple[tuple[int, mi.Shape], ...]
     bounds: ObjectBounds | None
     polished: ObjectBounds | None
+    removed: mi.Shape | None = None
 
 
 def prepare_objects(scene: Scene) -> PreparedObjects:
@@ -34,10 +38,12 @@ def prepare_objects(scene: Scene) -> PreparedObjects:
         InputError: Mitsuba refuses a material.
     """
     shapes = tuple(synthetic_shapes(scene))
+    tuned = scene.render.parameters.transport
     spheres = [enclosing_sphere(shape) for _, shape in shapes]
     polished = [sphere for sphere, (_, shape) in zip(spheres, shapes, strict=True) if is_polished(shape)]
-    return PreparedObjects(shapes, _bounds(spheres), _bounds(polished))
+    removed, around = removed_shape(scene)
+    return PreparedObjects(shapes, _bounds([*spheres, *around], tuned), _bounds(polished, tuned), removed)
 
 
-def _bounds(spheres: Sequence[tuple]) -> ObjectBounds | None:
-    return ObjectBounds(spheres) if spheres else None
+def _bounds(spheres: Sequence[tuple], tuned: TransportParameters) -> ObjectBounds | None:
+    return ObjectBounds(spheres, tuned) if spheres else None

@@ -21,6 +21,7 @@ from lightdepth.lightmap.depth_meshes import meshes_from_depth
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces, merge_real_surfaces
+from lightdepth.place.seen_plate import SeenPlate
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.gains import solve_gains
 from lightdepth.recovery.specular import fit_glosses, fitted_glosses, recover_mirrored
@@ -48,6 +49,7 @@ class PreparedPlace:
         errors: of the irradiance.
         gains: of each photograph, per channel, shape (k, 3).
         plates: the photograph as the cameras seen last see it; see :func:`lightdepth.film.plate.kept_plate`.
+        seen_plates: plates of ordinary cameras that were used last; see :func:`lightdepth.preparation.plate.with_plate`.
     """
 
     place: Place
@@ -55,6 +57,7 @@ class PreparedPlace:
     errors: IrradianceErrors
     gains: NDArray[np.float32]
     plates: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
+    seen_plates: dict[str, SeenPlate] = field(default_factory=dict)
 
 
 def prepare_place(
@@ -85,7 +88,14 @@ def prepare_place(
     balance = solve_gains(scene.panoramas, traced)
     if balance.problem is not None:
         raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
-    empty = Place(scene.panoramas, traced, infinite, suns=scene.lights, gains=balance.gains)
+    empty = Place(
+        scene.panoramas,
+        traced,
+        infinite,
+        suns=scene.lights,
+        gains=balance.gains,
+        parameters=scene.render.parameters.place,
+    )
     arrays = None if store is None else store.read(key)
     recovered = None if arrays is None else _unpacked(arrays, modelled)
     if recovered is None:
@@ -97,7 +107,14 @@ def prepare_place(
     surfaces = TracedSurfaces(real)
     place = empty.with_surfaces(surfaces)
     if modelled.deformed:
-        place = Place(scene.panoramas, surfaces, infinite, suns=scene.lights, gains=balance.gains)
+        place = Place(
+            scene.panoramas,
+            surfaces,
+            infinite,
+            suns=scene.lights,
+            gains=balance.gains,
+            parameters=scene.render.parameters.place,
+        )
     if recovered.mirrored:
         place = place.with_mirrored(recovered.mirrored, real.glosses)
     prepared = PreparedPlace(place, real, errors, balance.gains)
@@ -164,7 +181,9 @@ def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
 def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
     settings = scene.render
     choices = (infinite, settings.seed, settings.irradiance_samples, settings.draft)
-    return digest(place_digest(scene), choices, parameters, str(mi.variant()), mi.__version__, _code())
+    return digest(
+        place_digest(scene), choices, parameters, settings.parameters.place, str(mi.variant()), mi.__version__, _code()
+    )
 
 
 @cache

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from lightdepth.directions import direction_to_latlong, pixel_directions
-from lightdepth.kernel.arrays import aligned_columns
+from lightdepth.kernel.variables import as_vectors
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.regions import connected_regions
@@ -155,7 +155,7 @@ def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> _Pairs:
     parts: list[tuple[NDArray, ...]] = []
     for index, (panorama, photograph) in enumerate(zip(panoramas, photographs, strict=True)):
         world = grid[kept] @ panorama.rotation.T
-        direction = mi.Vector3f(*map(mi.Float, aligned_columns(world)))
+        direction = as_vectors(world)
         hit = surfaces.first_real(mi.Ray3f(mi.Point3f(*map(float, photograph.capture)), direction), mi.Bool(True))
         point = mi.Vector3f(hit.point)
         own = photograph.sighting(point, hit.normal, hit.valid, direction, mi.Bool(True))

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.tracing import first_hit
-from lightdepth.kernel.variables import as_point
+from lightdepth.kernel.variables import as_point, as_vectors
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.recovery.vertex_grids import Grids
@@ -71,7 +70,7 @@ def _facing(place: Place, surfaces: RealSurfaces, capture: NDArray[np.float64]) 
     normal = face_normals(surfaces.rest, faces)
     offset = centre - capture.astype(np.float32)
     distance = np.linalg.norm(offset, axis=1)
-    direction = mi.Vector3f(*map(mi.Float, aligned_columns(offset / distance[:, None])))
+    direction = as_vectors(offset / distance[:, None])
     ray = mi.Ray3f(as_point(capture), direction)
     free = first_hit(place.surfaces.real, ray).t.numpy() > 0.999 * distance
     return np.asarray(

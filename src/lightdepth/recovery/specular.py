@@ -17,8 +17,8 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.row_bands import bands
+from lightdepth.kernel.variables import as_vectors
 from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.place import Place
@@ -58,7 +58,7 @@ def fit_glosses(
         )
         barycentric = generator.dirichlet((1.0, 1.0, 1.0), len(face))
         points = np.einsum("nk,nkx->nx", barycentric, surfaces.vertices[faces[face]]).astype(np.float32)
-        at, facing = (mi.Vector3f(*map(mi.Float, aligned_columns(each))) for each in (points, normals[face]))
+        at, facing = (as_vectors(each) for each in (points, normals[face]))
         sees, _, radiance = place.photograph.sight(at, facing)
         seen = sees.numpy() if len(face) else np.zeros(0, bool)
         if not seen.any():
@@ -86,7 +86,7 @@ def _weighed_mirrored(
     parameters: RecoveryParameters,
 ) -> NDArray[np.float32]:
     """What lobes send to the capture points, weighed as the photographs are there, shape (n, 3)."""
-    shares = place.photograph.shares_at(*(mi.Vector3f(*map(mi.Float, aligned_columns(v))) for v in (points, normals)))
+    shares = place.photograph.shares_at(*(as_vectors(each) for each in (points, normals)))
     total = np.zeros((len(points), 3), np.float32)
     for photograph, share in zip(place.photograph.each, shares, strict=True):
         capture = photograph.capture

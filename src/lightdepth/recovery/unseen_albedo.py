@@ -7,15 +7,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.kernel.arrays import aligned_columns
+from lightdepth.kernel.variables import as_vectors
 from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
-from lightdepth.place.reflectance import GLOWING
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.irradiance import estimate_irradiance
 from lightdepth.recovery.irradiance_mesh import estimate_again, estimate_on_mesh
@@ -88,7 +86,9 @@ def recover_unseen(
     index, likeness = np.flatnonzero(chosen), _likeness(part, seen, parameters)
     for _ in range(parameters.unseen_rounds):
         at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples, parameters)
-        part = replace(part, unseen_albedo=_albedo(part, index, likeness, seen, at_seen, parameters))
+        part = replace(
+            part, unseen_albedo=_albedo(part, index, likeness, seen, at_seen, parameters, place.parameters.glowing)
+        )
         place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
         irradiance = estimate_again(place, mesh, generator, samples, parameters)
     place = _with_values(place, with_refined(modelled, chosen, part, grids, irradiance))
@@ -111,7 +111,7 @@ def _much_unseen(
     points, normals, _ = _random_points(
         surfaces, generator.multinomial(parameters.unseen_points, areas / areas.sum()), generator
     )
-    _, unseen, _ = place.photograph.sight(_vectors(points), _vectors(normals))
+    _, unseen, _ = place.photograph.sight(as_vectors(points), as_vectors(normals))
     return float(unseen.numpy().mean()) > parameters.unseen_share
 
 
@@ -129,7 +129,7 @@ def _look(
     areas = face_areas(surfaces.vertices, surfaces.faces)
     counts = 1 + (parameters.unseen_points * areas / areas.sum()).astype(np.int64)
     points, normals, face = _random_points(surfaces, counts, generator)
-    sees, occluded, radiance = place.photograph.sight(_vectors(points), _vectors(normals))
+    sees, occluded, radiance = place.photograph.sight(as_vectors(points), as_vectors(normals))
     unseen = occluded.numpy() & (surfaces.kind[face] != FaceKind.RELIT)
     chosen = np.bincount(face[unseen], minlength=len(areas)) > 0
     front = place.photograph.faced(points, normals)
@@ -178,6 +178,7 @@ def _albedo(
     seen: SeenPoints,
     irradiance: NDArray[np.float32],
     parameters: RecoveryParameters,
+    glowing_ratio: float,
 ) -> NDArray[np.float32]:
     """Albedo of faces where they are unseen, shape (m, 3), eq. (1b); 0 where their own seen part glows.
 
@@ -187,9 +188,10 @@ def _albedo(
         likeness: from :func:`_likeness`.
         seen: what the capture point sees.
         irradiance: at these points, shape (n, 3).
-        parameters: bounds, and what counts as glowing.
+        parameters: bounds, and which share of a face glows.
+        glowing_ratio: of ``pi M / E`` above which a point glows.
     """
-    glows = (np.pi * seen.radiance > GLOWING * irradiance).any(axis=1)
+    glows = (np.pi * seen.radiance > glowing_ratio * irradiance).any(axis=1)
     total = int(max(index.max(), seen.face.max())) + 1
     matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[index] for mask in (~glows, glows))
     lamp = glowing > np.maximum(matt, parameters.glowing_share * face_areas(part.vertices, part.faces))
@@ -202,8 +204,3 @@ def _albedo(
 def _with_values(place: Place, surfaces: RealSurfaces) -> Place:
     """The place with other values on the same meshes."""
     return place.with_surfaces(place.surfaces.with_values(surfaces))
-
-
-def _vectors(values: NDArray[np.float32]) -> mi.Vector3f:
-    """Vectors of shape (n, 3)."""
-    return mi.Vector3f(*map(mi.Float, aligned_columns(values)))

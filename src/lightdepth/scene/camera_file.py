@@ -1,22 +1,32 @@
-"""``[camera.NAME]`` with ``file``: a camera out of a glTF file becomes one with a pose and a field of view."""
+"""``[camera.NAME]`` with ``file``: a camera out of a glTF or USD file becomes one with a pose and a field of view."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
 from lightdepth.directions import rotation_to_euler
 from lightdepth.errors import InputError
+from lightdepth.files import is_file
 from lightdepth.scene.animation import ShownAnimation
-from lightdepth.scene.meshes.gltf_camera import read_camera
+from lightdepth.scene.meshes import gltf_camera
+from lightdepth.scene.meshes.file_camera import FileCamera
+from lightdepth.scene.meshes.usd import FORMATS, read_usd_camera
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.values import InputFile, Name, Table
 
 MARK = "file"
 """The key that says that a camera comes out of a file."""
+READERS: dict[str, Callable[[Path, str | None, str | None, float, bool], FileCamera]] = {
+    ".gltf": gltf_camera.read_camera,
+    ".glb": gltf_camera.read_camera,
+    **dict.fromkeys(FORMATS, read_usd_camera),
+}
+"""Readers by file name extension."""
 GIVEN = ("position", "rotation", "look_at")
 """What the file says, so that the table must not."""
 
@@ -25,8 +35,8 @@ class CameraFileTable(Table):
     """The keys of a ``[camera.NAME]`` table that take its pose out of a file.
 
     Attributes:
-        file: a glTF file.
-        node: name of the node or of the camera; may be left out where there is one only.
+        file: a glTF or USD file.
+        node: name of the node or of the camera, in USD of the prim; may be left out where there is one only.
         animation: that moves it.
     """
 
@@ -84,3 +94,25 @@ def _posed(table: Mapping[str, Any], context: Mapping[str, Any]) -> dict[str, An
         "position": camera.position.tolist(),
         "rotation": rotation_to_euler(camera.rotation).tolist(),
     }
+
+
+def read_camera(path: Path, name: str | None, animation: str | None, time: float, loop: bool) -> FileCamera:
+    """A camera out of a file, as it is at a time.
+
+    Args:
+        path: the file.
+        name: of the camera, or of the node that has it; ``None`` where there is one camera only.
+        animation: name of the animation that moves it; ``None`` takes the pose without.
+        time: in the animation, seconds.
+        loop: begin the animation again where it ends.
+
+    Raises:
+        InputError: the file is missing, broken or of another format, or has no such camera or no such animation.
+        SetupError: the package that reads it is missing.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise InputError(f"{path}: cameras are read from {', '.join(READERS)} files, not from '{path.suffix}'")
+    if not is_file(path):
+        raise InputError(f"{path}: no such file")
+    return reader(path, name, animation, time, loop)

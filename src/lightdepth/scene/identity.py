@@ -37,7 +37,10 @@ def scene_digest(scene: Scene) -> str:
 def _scene_digest(scene: Scene) -> str:
     settings = replace(scene.render, samples=RenderSettings.samples, noise=None, seed=0)
     seed = scene.render.seed  # The preparation's; a rendering may have a seed of its own.
-    return digest(_photographs(scene), scene.real, scene.lights, scene.synthetic, settings, seed)
+    values = [_photographs(scene), scene.real, scene.lights, scene.synthetic, settings, seed]
+    if scene.plate is not None:
+        values += [replace(scene.plate, path=None), scene.cameras[scene.plate.camera]]
+    return digest(*values)
 
 
 def place_digest(scene: Scene) -> str:

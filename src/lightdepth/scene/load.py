@@ -15,6 +15,7 @@ from lightdepth.errors import InputError
 from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import find_defects, validate_panorama
+from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.depth import read_depth
 from lightdepth.scene.lights import ClippedTable, SunTable
 from lightdepth.scene.lights.clipped import unclipped
@@ -30,6 +31,7 @@ from lightdepth.scene.model import (
     Gloss,
     Mesh,
     Panorama,
+    Plate,
     RealSurface,
     RenderSettings,
     Role,
@@ -38,6 +40,7 @@ from lightdepth.scene.model import (
     SyntheticObject,
     SyntheticPart,
 )
+from lightdepth.scene.plate import read_camera_plate
 from lightdepth.scene.problems import Problems
 from lightdepth.scene.scene_file import SceneText, Tables
 from lightdepth.scene.schema import CapturePose, MeshObject, OnSpot, Picture, RealTable, SphereObject, UnitShapeObject
@@ -135,6 +138,7 @@ def read_scene(
     if not tables.cameras and panorama.radiance.size:
         pano = Equirectangular(type="equirectangular", width=panorama.radiance.shape[1])
         cameras["pano"] = _camera_view(pano, pose)
+    plate = _plate(tables, problems, earlier)
     render = RenderSettings() if tables.render is None else RenderSettings(**dict(tables.render))
     scene = Scene(
         panorama,
@@ -145,9 +149,25 @@ def read_scene(
         path,
         lights=tuple(lights),
         further=tuple(further),
+        plate=plate,
     )
     unread = len(tables.real) - len(real)
     return Contents(None if tables.pose is None else scene, unread, problems.messages, tables, meshes, moving)
+
+
+def _plate(tables: Tables, problems: Problems, earlier: Contents | None) -> Plate | None:
+    if tables.plate is None:
+        return None
+    if (
+        earlier is not None
+        and earlier.scene is not None
+        and not earlier.problems
+        and tables.plate == earlier.tables.plate
+    ):
+        return earlier.scene.plate
+    with problems.noting(("plate",)):
+        return read_camera_plate(tables.plate, tables.cameras)
+    return None
 
 
 def _same_place(tables: Tables, earlier: Contents) -> bool:
@@ -202,8 +222,7 @@ def _panorama(number: int, pose: CapturePose, picture: Picture | None, repair: b
     if picture.depth is not None:
         with problems.noting(("panorama", number)):
             panorama = replace(panorama, depth=read_depth(picture.depth))
-    with np.errstate(over="ignore"):
-        factor = np.float32(picture.scale) * np.asarray(picture.gain or (1.0, 1.0, 1.0), np.float32)
+    factor = picture.scale * np.array(picture.gain or (1.0, 1.0, 1.0))
     with problems.noting(("panorama", number)):
         image = read_panorama(picture.image)
         found = image.radiance
@@ -211,7 +230,7 @@ def _panorama(number: int, pose: CapturePose, picture: Picture | None, repair: b
         defects = [] if radiance is found else find_defects(found)
         panorama = replace(
             panorama,
-            radiance=_scaled(radiance, factor),
+            radiance=_scaled(radiance, factor, picture, picture.image),
             balanced=number == 0 or picture.gain is not None,
             path=picture.image,
             repairs=tuple(f"{picture.image}: {defect}; replaced" for defect in defects) if repair else (),
@@ -223,7 +242,7 @@ def _panorama(number: int, pose: CapturePose, picture: Picture | None, repair: b
         with problems.noting(("panorama", number, "plate")):
             plate = validate_panorama(read_panorama(picture.plate).radiance, picture.plate)
             _check_size(picture.plate, "plate", plate, panorama.radiance)
-            panorama = replace(panorama, plate=_scaled(plate, factor))
+            panorama = replace(panorama, plate=_scaled(plate, factor, picture, picture.plate))
     if picture.mask is not None:
         with problems.noting(("panorama", number, "mask")):
             mask = read_mask(picture.mask)
@@ -232,14 +251,21 @@ def _panorama(number: int, pose: CapturePose, picture: Picture | None, repair: b
     return panorama
 
 
-def _scaled(radiance: NDArray[np.float32], factor: NDArray[np.float32]) -> NDArray[np.float32]:
-    if (factor == 1.0).all():
-        return radiance
-    with np.errstate(over="ignore"):
-        scaled = radiance * factor
-    if not np.isfinite(scaled).all():
-        raise InputError(f"scale = {factor.max():g}: the radiance becomes larger than a number of 32 bits")
-    return scaled
+def _scaled(
+    radiance: NDArray[np.float32], factor: NDArray[np.float64], picture: Picture, path: Path
+) -> NDArray[np.float32]:
+    """The radiance of an image times scale and gain.
+
+    Raises:
+        InputError: it becomes larger than the renderer can compute with.
+    """
+    brightest = float((radiance.max(axis=(0, 1)).astype(np.float64) * factor).max())
+    if brightest > BRIGHTEST:
+        keys = [f"scale = {picture.scale:g}", *([] if picture.gain is None else [f"gain = {list(picture.gain)}"])]
+        raise InputError(
+            f"{' and '.join(keys)}: the radiance of {path.name} becomes {brightest:.3g}; allowed are up to {BRIGHTEST:g}"
+        )
+    return radiance if (factor == 1.0).all() else np.asarray(radiance * factor.astype(np.float32))
 
 
 def _check_size(path: Path, key: str, image: NDArray[np.float32], panorama: NDArray[np.float32]) -> None:
@@ -260,6 +286,7 @@ def _real_surface(table: RealTable) -> RealSurface:
         role=Role(table.role),
         gloss=None if table.gloss is None else Gloss(table.gloss.roughness, table.gloss.specular),
         opening=table.opening,
+        removed=table.removed,
     )
 
 
@@ -330,7 +357,7 @@ def _to_world(
         to_world = placement(table.position, table.rotation, table.scale)
     if not table.on_spot:
         return to_world
-    spot = find_spot(panorama, real, _spot_direction(table, panorama))
+    spot = find_spot(panorama, [each for each in real if not each.removed], _spot_direction(table, panorama))
     if spot is None:
         key = "at" if table.at is not None else "at_angles"
         raise InputError(

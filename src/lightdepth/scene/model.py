@@ -84,6 +84,7 @@ class RealSurface:
         role: what it does in the augmented scene.
         gloss: specular lobe; environment with one mirrors the new objects and does not change otherwise.
         opening: a window pane, through which a declared sun shines in; what the photograph shows of it stays.
+        removed: it is in the photograph, and is to leave the picture, with its light, its shadow and its reflections.
     """
 
     name: str
@@ -91,6 +92,7 @@ class RealSurface:
     role: Role
     gloss: Gloss | None = None
     opening: bool = False
+    removed: bool = False
 
 
 @dataclass(frozen=True)
@@ -187,6 +189,24 @@ class Panorama:
         return self.radiance if self.plate is None else self.plate
 
 
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """A photograph by an ordinary camera, which is the picture where the panoramas are the light.
+
+    Attributes:
+        radiance: linear Rec.709, shape (height, width, 3), float32, finite, with the distortion of its lens; what is
+            negative is noise.
+        camera: name of the perspective camera that took it, of its size.
+        gain: of each channel, what the plate shows over what the panoramas show of the same surface; ``None`` is solved.
+        path: the file it came from, for messages.
+    """
+
+    radiance: NDArray[np.float32]
+    camera: str
+    gain: tuple[float, float, float] | None = None
+    path: Path | None = None
+
+
 @dataclass(frozen=True)
 class RenderSettings:
     """The ``[render]`` table.
@@ -229,6 +249,7 @@ class Scene:
         path: the scene file, where it comes from one.
         lights: suns that the photographs do not show.
         further: photographs of the same place from elsewhere.
+        plate: the picture of one of the cameras, in place of what the panoramas show it.
     """
 
     panorama: Panorama
@@ -239,6 +260,7 @@ class Scene:
     path: Path | None = None
     lights: tuple[SunLight, ...] = ()
     further: tuple[Panorama, ...] = ()
+    plate: Plate | None = None
 
     @property
     def panoramas(self) -> tuple[Panorama, ...]:

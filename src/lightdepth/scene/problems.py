@@ -124,6 +124,7 @@ _PLAIN_WORDS = {
     "float_type": "a number",
     "int_from_float": "a whole number",
     "int_parsing": "a whole number",
+    "int_parsing_size": "a smaller whole number",
     "int_type": "a whole number",
     "list_type": "tables, each with its own [[...]] line",
     "model_attributes_type": "a table",

@@ -21,6 +21,7 @@ from lightdepth.scene.schema import (
     CapturePose,
     MeshObject,
     Picture,
+    PlateTable,
     RealTable,
     RenderTable,
     SceneFile,
@@ -44,6 +45,7 @@ class Tables:
         cameras: the ``[camera.NAME]`` tables by name.
         render: ``[render]``.
         frame: the frame of ``[sequence]`` at which they are; ``None`` where there is no sequence.
+        plate: ``[plate]``; ``None`` where there is none as well.
     """
 
     poses: list[CapturePose | None]
@@ -54,6 +56,7 @@ class Tables:
     cameras: dict[str, Camera | None]
     render: RenderTable | None
     frame: float | None = None
+    plate: PlateTable | None = None
 
     @property
     def pose(self) -> CapturePose | None:
@@ -163,6 +166,7 @@ def _checked(
         list(file.synthetic),
         dict(file.camera),
         file.render,
+        plate=file.plate,
     )
 
 
@@ -189,6 +193,7 @@ def _right_tables(document: Mapping[str, Any], context: Mapping[str, Any]) -> Ta
         [synthetic(table) for table in _list(document.get("synthetic"))],
         {name: right(CameraSettings, table) for name, table in _dict(document.get("camera")).items()},
         right(RenderTable, document.get("render", {})),
+        plate=right(PlateTable, document.get("plate")),
     )
 
 

@@ -9,10 +9,23 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 from lightdepth.cameras import CameraSettings
 from lightdepth.numbered_files import MARK
 from lightdepth.parameters import Parameters
+from lightdepth.quantities import BRIGHTEST, Length
 from lightdepth.scene.animation import SequenceTable, ShownAnimation
 from lightdepth.scene.lights import LightSettings
 from lightdepth.scene.materials import MaterialSettings
-from lightdepth.scene.values import InputFile, Name, Number, NumberedFile, Pair, Scale, Table, Vector3, Whole
+from lightdepth.scene.values import (
+    EulerAngles,
+    Factor,
+    InputFile,
+    Name,
+    Number,
+    NumberedFile,
+    Pair,
+    Scale,
+    Table,
+    Vector3,
+    Whole,
+)
 
 FORMAT = 1
 """Version of the scene file's format; files without one have the first. It grows when a key changes its meaning."""
@@ -22,7 +35,7 @@ class Placed(Table):
     """Where a mesh or a unit shape stands: scaled, then turned (XYZ Euler, degrees), then moved (metres)."""
 
     position: Vector3 = (0.0, 0.0, 0.0)
-    rotation: Vector3 = (0.0, 0.0, 0.0)
+    rotation: EulerAngles = (0.0, 0.0, 0.0)
     scale: Scale = (1.0, 1.0, 1.0)
 
 
@@ -30,7 +43,7 @@ class CapturePose(Table):
     """``[[panorama]]``: where the photograph was taken, which way it was turned, and whether in the open."""
 
     position: Vector3 = (0.0, 0.0, 0.0)
-    rotation: Vector3 = (0.0, 0.0, 0.0)
+    rotation: EulerAngles = (0.0, 0.0, 0.0)
     sky: Annotated[bool, Field(strict=True)] = False
 
 
@@ -46,14 +59,22 @@ class Picture(Table):
 
     image: NumberedFile
     depth: InputFile | None = None
-    scale: Number = Field(default=1.0, gt=0.0)
-    gain: Annotated[Vector3, BeforeValidator(_gain)] | None = None
+    scale: Factor = 1.0
+    gain: Annotated[tuple[Factor, Factor, Factor], BeforeValidator(_gain)] | None = None
     plate: NumberedFile | None = None
     mask: InputFile | None = None
 
 
 class PanoramaTable(CapturePose, Picture):
     """``[[panorama]]``, or ``[panorama]`` where there is one."""
+
+
+class PlateTable(Table):
+    """``[plate]``: the picture of one camera, in place of what the panoramas show it."""
+
+    image: NumberedFile
+    camera: Name
+    gain: Annotated[Vector3, BeforeValidator(_gain)] | None = None
 
 
 def _as_list(tables: Any) -> Any:
@@ -76,6 +97,7 @@ class RealTable(Placed):
     role: Literal["support", "environment"]
     gloss: GlossTable | None = None
     opening: Annotated[bool, Field(strict=True)] = False
+    removed: Annotated[bool, Field(strict=True)] = False
 
     @model_validator(mode="after")
     def _fits_the_role(self) -> RealTable:
@@ -83,6 +105,8 @@ class RealTable(Placed):
             raise ValueError("gloss is not for an opening, which shows what stands behind it")
         if self.opening and self.role != "environment":
             raise ValueError("opening is for role = 'environment' only")
+        if self.removed and (self.gloss is not None or self.opening or self.rest is not None):
+            raise ValueError("gloss, opening and rest are not for a surface that is removed")
         return self
 
 
@@ -136,7 +160,7 @@ class SphereObject(OnSpot):
     name: Name
     shape: Literal["sphere"]
     center: Vector3 | None = None
-    radius: Number = Field(gt=0.0)
+    radius: Annotated[Length, Field(strict=True)]
     material: MaterialSettings
 
     @model_validator(mode="after")
@@ -183,7 +207,7 @@ class RenderTable(Table):
     noise: Number | None = Field(default=None, gt=0.0, lt=1.0)
     max_bounces: Whole = Field(default=8, ge=0, le=1000)
     seed: Whole = Field(default=0, ge=0, lt=2**32)
-    clamp_indirect: Number | None = Field(default=None, gt=0.0)
+    clamp_indirect: Number | None = Field(default=None, gt=0.0, le=BRIGHTEST)
     irradiance_samples: Whole = Field(default=1024, ge=16, le=1 << 20, multiple_of=2)
     parameters: Parameters = Parameters()
 
@@ -202,6 +226,7 @@ class SceneFile(Table):
     light: list[LightSettings] = Field(default_factory=list)
     synthetic: list[SyntheticTable] = Field(default_factory=list)
     camera: dict[Name, CameraSettings] = Field(default_factory=dict)
+    plate: PlateTable | None = None
     render: RenderTable = RenderTable()
     sequence: SequenceTable | None = None
     format: Annotated[Whole, Field(ge=1), AfterValidator(_known_format)] = 1

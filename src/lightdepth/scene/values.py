@@ -9,12 +9,29 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 
 from lightdepth.files import is_file
 from lightdepth.numbered_files import MARK, is_pattern, numbered, told_frames
+from lightdepth.quantities import BRIGHTEST, Coordinate, Degrees
 from lightdepth.scene.moment import Moment
 
 Number = Annotated[float, Field(strict=True)]
 Whole = Annotated[int, Field(strict=True)]
-Vector3 = tuple[Number, Number, Number]
+Metres = Annotated[Coordinate, Field(strict=True)]
+Angle = Annotated[Degrees, Field(strict=True)]
+Vector3 = tuple[Metres, Metres, Metres]
+EulerAngles = tuple[Angle, Angle, Angle]
 Pair = tuple[Number, Number]
+SMALLEST_FACTOR, LARGEST_FACTOR = 1e-15, 1e15
+
+
+def _in_range(value: float) -> float:
+    if not SMALLEST_FACTOR <= value <= LARGEST_FACTOR:
+        raise ValueError(f"must be from {SMALLEST_FACTOR:g} to {LARGEST_FACTOR:g}")
+    return value
+
+
+Factor = Annotated[float, Field(strict=True, gt=0.0), AfterValidator(_in_range)]
+"""What multiplies lengths, or radiance."""
+Radiance = Annotated[float, Field(strict=True, ge=0.0, le=BRIGHTEST)]
+"""Of one channel, in the panorama's unit."""
 
 
 def _existing_file(path: Path, info: ValidationInfo) -> Path:
@@ -53,13 +70,15 @@ def _one_or_three(value: Any) -> Any:
     three = value if isinstance(value, list) else [value] * 3
     if len(three) != 3 or any(isinstance(n, bool) or not isinstance(n, int | float) or n == 0 for n in three):
         raise ValueError("must be one number or three, none of them 0")
+    if any(not SMALLEST_FACTOR <= abs(n) <= LARGEST_FACTOR for n in three):
+        raise ValueError(f"must be between {SMALLEST_FACTOR:g} and {LARGEST_FACTOR:g} in size")
     return three
 
 
 InputFile = Annotated[Path, AfterValidator(_existing_file)]
 NumberedFile = Annotated[Path, AfterValidator(_numbered_file)]
 """A file, or one for each frame of the sequence."""
-Scale = Annotated[Vector3, BeforeValidator(_one_or_three)]
+Scale = Annotated[tuple[Number, Number, Number], BeforeValidator(_one_or_three)]
 Name = Annotated[str, Field(min_length=1)]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -15,7 +16,7 @@ from lightdepth.scene.identity import scene_digest, view_digest
 from lightdepth.scene.model import Scene
 from lightdepth.sequence.fingerprint import frame_seed
 from lightdepth.session.displays import Display
-from lightdepth.session.events import Event, Picture, Progress, Stage
+from lightdepth.session.events import Done, Event, Picture, Progress, Stage
 from lightdepth.session.session import Job, Session
 
 if TYPE_CHECKING:
@@ -41,11 +42,14 @@ class MotionBlur:
 
     Args:
         scenes: at the instants, in order, which divide the time evenly.
-        job: of the frame; its samples and its noise are those of the whole.
+        job: of the frame; its samples and its noise are those of the whole. Its unfinished pictures are means of the
+            instants so far.
     """
 
     def __init__(self, scenes: Sequence[Scene], job: Job) -> None:
         self._job = job
+        self._session: Session | None = None
+        self._cancelled = False
         found: dict[str, Instant] = {}
         for scene in scenes:
             key = f"{scene_digest(scene)} {view_digest(find_camera(scene, job.camera))}"
@@ -58,13 +62,23 @@ class MotionBlur:
         """Whether anything moves while the shutter is open."""
         return len(self.instants) > 1
 
-    def render(self, display: Display, device: Device, report: Callable[[Event], None]) -> None:
+    def cancel(self) -> None:
+        """Stop soon; the mean of the instants that were rendered is shown. For any thread."""
+        self._cancelled = True
+        session = self._session
+        if session is not None:
+            session.cancel()
+
+    def render(self, displays: Sequence[Display], device: Device, report: Callable[[Event], None]) -> Done:
         """Render all instants and show the frame.
 
         Args:
-            display: shows it, finished.
+            displays: show it.
             device: ``auto``, ``cpu`` or ``cuda``.
             report: is given the events, with the progress of the whole.
+
+        Returns:
+            How it ended, the last event.
 
         Raises:
             InputError, SetupError: as for a still.
@@ -74,14 +88,23 @@ class MotionBlur:
         if self._job.denoise:  # Before the work, not after it.
             require_package("mitsuba_oidn", "denoise")
         mean = ShutterMean(middle=len(self.instants) // 2)
-        done = 0.0
+        wanted = [display.layers for display in displays]
+        layers = None if self._job.denoise or None in wanted else {name for each in wanted for name in each or ()}
+        done, shown = 0.0, time.monotonic()
         for number, instant in enumerate(self.instants):
-            session = Session(instant.scene, device)
-            layers = None if self._job.denoise else display.layers
-            session.display(_Collecting(mean, instant.share, layers))
-            session.on(_part_of_all(report, done, instant.share))
-            session.run(self._part(number, instant))
+            if self._cancelled:
+                break
+            self._session = Session(instant.scene, device)
+            self._session.display(_Collecting(mean, instant.share, layers))
+            self._session.on(_part_of_all(report, done, instant.share))
+            self._session.run(self._part(number, instant), lambda: self._cancelled)
             done += instant.share
+            pause = self._job.preview_seconds
+            if pause is not None and not mean.is_empty and time.monotonic() - shown > pause:
+                self._show(mean.frame(), displays, report, finished=False)
+                shown = time.monotonic()
+        if mean.is_empty:
+            return _ended(Done(None, interrupted=True), report)
         frame = mean.frame()
         frame.metadata["instants"] = str(len(self.instants))
         if self._job.seed is not None:
@@ -91,9 +114,21 @@ class MotionBlur:
 
             report(Stage("denoising"))
             frame = denoise(frame, self.instants[0].scene.render.parameters.denoising)
+        from lightdepth.film.layers import picture_exposure
+
         report(Stage("writing"))
-        display.show(frame, finished=True)
-        report(Picture(None if display.file is None else str(display.file), finished=True))
+        file = self._show(frame, displays, report, finished=True)
+        exposure, error = round(picture_exposure(frame), 3), round(float(frame.metadata["error"]), 5)
+        return _ended(Done(file, self._cancelled, exposure, error, self._job.denoise), report)
+
+    def _show(
+        self, frame: Frame, displays: Sequence[Display], report: Callable[[Event], None], finished: bool
+    ) -> str | None:
+        for display in displays:
+            display.show(frame, finished)
+        file = next((str(display.file) for display in displays if display.file is not None), None)
+        report(Picture(file, finished))
+        return file
 
     def _part(self, number: int, instant: Instant) -> Job:
         """The job of an instant: its share of the samples; more noise, of which the mean leaves as much as is wanted."""
@@ -109,6 +144,7 @@ class MotionBlur:
             noise=noise,
             seed=frame_seed(seed, number),
             denoise=False,
+            preview_seconds=None,
         )
 
 
@@ -132,7 +168,12 @@ def _part_of_all(report: Callable[[Event], None], done: float, share: float) -> 
     def passed(event: Event) -> None:
         if isinstance(event, Progress):
             report(replace(event, fraction=round(done + share * event.fraction, 5)))
-        elif not isinstance(event, Picture):
+        elif not isinstance(event, Picture | Done):
             report(event)
 
     return passed
+
+
+def _ended(event: Done, report: Callable[[Event], None]) -> Done:
+    report(event)
+    return event

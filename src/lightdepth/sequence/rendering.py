@@ -6,25 +6,25 @@ import contextlib
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lightdepth.api import DRAFT_SAMPLES, find_camera
+from lightdepth.api import find_camera
 from lightdepth.errors import InputError
 from lightdepth.film.frame import NUMBER
 from lightdepth.film.layers import Structure
 from lightdepth.images.look import Look
 from lightdepth.images.tonemapping import auto_exposure
-from lightdepth.kernel.start import Device, start
+from lightdepth.kernel.start import Device
 from lightdepth.scene.frames import SceneFrames
-from lightdepth.scene.model import CameraView, Scene
+from lightdepth.scene.model import Scene
 from lightdepth.sequence.claims import EXPIRY, claim_beside, now, take
-from lightdepth.sequence.film_motion import needed_instants
-from lightdepth.sequence.fingerprint import FINGERPRINT, State, fingerprint, frame_seed, state_of
-from lightdepth.sequence.motion_blur import MotionBlur
+from lightdepth.sequence.fingerprint import FINGERPRINT, State, fingerprint, state_of
 from lightdepth.sequence.numbering import FrameFiles
+from lightdepth.sequence.shutter import Shutter, frame_job
+from lightdepth.session.displays import Display
 from lightdepth.session.events import Caution, Done, Event, FrameState, Progress, SequenceProgress
 from lightdepth.session.session import Job, Session
 
@@ -81,12 +81,14 @@ class SequenceRendering:
         self, frames: SceneFrames, wanted: SequenceJob, device: Device, report: Callable[[Event], None]
     ) -> None:
         self._frames, self._wanted, self._device, self._report = frames, wanted, device, report
+        self._shutter = Shutter(frames.sequence, wanted.job, device, self._scene)
         self._rate = frames.sequence.rate
         self._prints: dict[int, str] = {}
         self._cautions: set[str] = set()
         self._exposure: float | None = None
-        self._done, self._elsewhere = 0, 0
+        self._total, self._done, self._elsewhere = len(wanted.numbers), 0, 0
         self._began, self._done_before = 0.0, 0
+        self._begun: float | None = None
 
     def states(self) -> dict[int, State]:
         """What is on disk of every frame.
@@ -96,11 +98,12 @@ class SequenceRendering:
         """
         return {number: self._state(number) for number in self._wanted.numbers}
 
-    def run(self, stopping: Callable[[], bool]) -> bool:
+    def run(self, stopping: Callable[[], bool], numbers: Sequence[int] | None = None) -> bool:
         """Render what is missing or outdated, until it is there.
 
         Args:
             stopping: whether to stop after the frame that is being rendered.
+            numbers: of the frames; those that are wanted by default.
 
         Returns:
             Whether every frame is there.
@@ -108,11 +111,15 @@ class SequenceRendering:
         Raises:
             InputError, SetupError: as for a still; the message names the frame.
         """
-        _make_folder(self._wanted.files.pattern.parent)
-        pending = self._pending()
-        self._done = self._done_before = len(self._wanted.numbers) - len(pending)
+        numbers = self._wanted.numbers if numbers is None else numbers
+        folder = self.file(numbers[0]).parent
+        _make_folder(folder)
+        if self._begun is None:
+            self._begun = now(folder)
+        pending = self._pending(numbers)
+        self._total = len(numbers)
+        self._done = self._done_before = self._total - len(pending)
         self._began = time.monotonic()
-        begun = now(self._wanted.files.pattern.parent)
         self._tell(None)
         while pending and not stopping():
             taken = False
@@ -120,17 +127,18 @@ class SequenceRendering:
             for number in list(pending):
                 if stopping():
                     break
-                file = self._wanted.files.file(number)
+                file = self.file(number)
                 claim = take(claim_beside(file), self._wanted.expiry)
                 if claim is None:
                     self._elsewhere += 1
                     continue
                 with claim:
                     state = "delivered"
-                    if not self._is_there(number, begun):
+                    if not self._is_there(number):
                         for each in (file, *self._part_files(number)):
                             _remove_unfinished(each, self._wanted.expiry)
-                        self._render(number, file)
+                        if not self._render(number, file, stopping):
+                            break
                         state = "rendered"
                 taken = True
                 pending.remove(number)
@@ -142,16 +150,20 @@ class SequenceRendering:
                 time.sleep(PATIENCE)
         return not pending
 
-    def _pending(self) -> list[int]:
+    def _pending(self, numbers: Sequence[int]) -> list[int]:
         if self._wanted.force:
-            return list(self._wanted.numbers)
-        states = self.states()
+            return [number for number in numbers if not self._is_there(number)]
+        states = {number: self._state(number) for number in numbers}
         for number, state in states.items():
-            self._report(FrameState(number, str(self._wanted.files.file(number)), state))
+            self._report(FrameState(number, str(self.file(number)), state))
         return [number for number, state in states.items() if state is not State.CURRENT]
 
+    def file(self, number: int) -> Path:
+        """The file of a frame."""
+        return self._wanted.files.file(number)
+
     def _state(self, number: int) -> State:
-        file = self._wanted.files.file(number)
+        file = self.file(number)
         if not all(each.exists() for each in (file, *self._part_files(number))):
             return State.MISSING
         return state_of(file, self._print(number))
@@ -161,13 +173,13 @@ class SequenceRendering:
         from lightdepth.film.layers import part_path
 
         parts = find_camera(self._scene(number), self._wanted.job.camera).topology.parts
-        return [part_path(self._wanted.files.file(number), name) for name in parts]
+        return [part_path(self.file(number), name) for name in parts]
 
-    def _is_there(self, number: int, begun: float) -> bool:
-        """Whether a frame is there; with ``force``, whether another process has made it since this one began."""
+    def _is_there(self, number: int) -> bool:
+        """Whether a frame is there; with ``force``, whether it was made since this process began."""
         if self._state(number) is not State.CURRENT:
             return False
-        return not self._wanted.force or self._wanted.files.file(number).stat().st_mtime > begun
+        return not self._wanted.force or self.file(number).stat().st_mtime > (self._begun or 0.0)
 
     def _print(self, number: int) -> str:
         if number not in self._prints:
@@ -179,59 +191,37 @@ class SequenceRendering:
                 self._wanted.layers,
                 self._rate,
                 self._wanted.structure,
-                *self._motion(number, scene),
+                *self._shutter.motion(number, scene),
             )
         return self._prints[number]
-
-    def _motion(self, number: int, scene: Scene) -> tuple[tuple[float, int] | None, list[tuple[Scene, CameraView]]]:
-        """The shutter, and the scene where it opens and closes: what moves in between begins or ends elsewhere."""
-        sequence, most = self._frames.sequence, self._most_instants(scene)
-        if most == 1:
-            return None, []
-        scenes = [self._scene(number, number + side * sequence.shutter) for side in (-0.5, 0.5)]
-        return (sequence.shutter, most), [(each, find_camera(each, self._wanted.job.camera)) for each in scenes]
-
-    def _instants(self, number: int, scene: Scene) -> int:
-        """Instants of a frame: as many as its motion needs."""
-        _, motion = self._motion(number, scene)
-        if not motion:
-            return 1
-        view = find_camera(scene, self._wanted.job.camera)
-        (opened, opened_view), (closed, closed_view) = motion
-        start(self._device)
-        views = opened_view, view, closed_view
-        return needed_instants((opened, scene, closed), views, self._most_instants(scene))
-
-    def _most_instants(self, scene: Scene) -> int:
-        """No more than a pixel has samples."""
-        sequence, job = self._frames.sequence, self._wanted.job
-        samples = job.samples or (DRAFT_SAMPLES if job.draft else scene.render.samples)
-        return min(sequence.instants, samples) if sequence.shutter > 0.0 else 1
 
     def _scene(self, number: int, instant: float | None = None) -> Scene:
         with _naming(number):
             return self._frames.scene(number if instant is None else instant)
 
     def _job(self, scene: Scene, number: int) -> Job:
-        seed = scene.render.seed if self._wanted.job.seed is None else self._wanted.job.seed
-        return replace(self._wanted.job, seed=frame_seed(seed, number))
+        return frame_job(self._wanted.job, scene, number)
 
-    def _render(self, number: int, file: Path) -> None:
+    def _display(self, number: int, file: Path) -> Display:
+        """What writes a frame's files."""
+        facts = {FINGERPRINT: self._print(number), NUMBER: str(number)}
+        return _FrameDisplay(file, facts, self._rate, self._shown_at() + self._wanted.exposure, self._wanted)
+
+    def _render(self, number: int, file: Path, stopping: Callable[[], bool]) -> bool:
+        """Render a frame; whether it is there, and not left because the work is ``stopping``."""
         self._tell(number)
         scene = self._scene(number)
-        facts = {FINGERPRINT: self._print(number), NUMBER: str(number)}
-        exposure = self._shown_at() + self._wanted.exposure
-        display = _FrameDisplay(file, facts, self._rate, exposure, self._wanted)
-        instants = self._frames.sequence.opened(number, self._instants(number, scene))
-        blurred = MotionBlur([self._scene(number, instant) for instant in instants], self._job(scene, number))
+        display = self._display(number, file)
+        blurred = self._shutter.blurred(number, scene, self._job(scene, number))
         with _naming(number):
             if blurred.moves:
-                blurred.render(display, self._device, lambda event: self._of_frame(number, event))
-                return
+                blurred.render([display], self._device, lambda event: self._of_frame(number, event))
+                return True
             session = Session(scene, self._device)
             session.display(display)
             session.on(lambda event: self._of_frame(number, event))
             session.run(self._job(scene, number))
+        return True
 
     def _shown_at(self) -> float:
         """Stops for the PNGs, alike for all frames: where the panorama's scale changes, the picture is to change."""
@@ -254,13 +244,19 @@ class SequenceRendering:
             self._tell(number, event.fraction)
 
     def _tell(self, frame: int | None, share: float = 0.0) -> None:
-        total = len(self._wanted.numbers)
+        total, left, made = self._work(share)
         seconds = time.monotonic() - self._began
-        made = self._done - self._done_before + share
-        left = total - self._done - share
         remaining = 0.0 if left <= 0.0 else round(seconds / made * left, 1) if made > 0.0 else None
-        fraction = round((self._done + share) / total, 5)
-        self._report(SequenceProgress(frame, total, self._done, self._elsewhere, fraction, remaining))
+        fraction = round(1.0 - left / total, 5)
+        self._report(SequenceProgress(frame, self._total, self._done, self._elsewhere, fraction, remaining))
+
+    def _work(self, share: float) -> tuple[float, float, float]:
+        """The work of all frames, what is left of it, and what was done since the beginning, in frames.
+
+        Args:
+            share: of the one at work that is done.
+        """
+        return self._total, self._total - self._done - share, self._done - self._done_before + share
 
 
 class _FrameDisplay:

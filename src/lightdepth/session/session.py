@@ -54,6 +54,7 @@ class Job:
         resume: go on from ``checkpoint`` where it exists.
         preview_seconds: between two unfinished pictures, at least; ``None`` shows none.
         cache: use and fill the cache of prepared places on disk.
+        sharing: frames of a sequence that will share the samples of matte support; ``None`` for pictures of their own.
     """
 
     camera: str | None = None
@@ -72,6 +73,7 @@ class Job:
     resume: bool = False
     preview_seconds: float | None = None
     cache: bool = True
+    sharing: int | None = None
 
 
 class Session:
@@ -283,6 +285,7 @@ class Session:
                 job.draft,
                 job.share,
                 job.cache,
+                job.sharing,
             )
         LOGGER.info("prepared seconds=%.2f pixels=%d", time.monotonic() - began, len(rendering.pixels))
         if job.merged is not None:

@@ -94,7 +94,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
     ) -> None:
         super().__init__(place, surfaces, bounds, max_bounces)
         self.parameters = parameters
-        self.lobes = SpecularLobes(glosses)
+        self.lobes = SpecularLobes(glosses, parameters)
         self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
         self.has_relit = FaceKind.RELIT in surfaces.kinds
         self.has_support = surfaces.changes
@@ -136,6 +136,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         found = first_hit(self.surfaces.all, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
+        on_removed = on_synthetic & self.surfaces.is_removed(found)
         hit = self.surfaces.real_hit(ray, found, on_real)
         on_relit = on_real & (hit.kind == int(FaceKind.RELIT))
         si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
@@ -226,9 +227,10 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         smallest_pdf = dr.select(through | (pdf == 0.0), path.smallest_pdf, dr.minimum(path.smallest_pdf, pdf))
         # What it blocks was subtracted when it was met, so that what shows through it counts in full.
         difference = mi.Bool(in_difference)
-        covered &= ~(through & first)
+        # Behind what was removed, the camera sees what is behind it and not the photograph.
+        covered &= ~(through & first & ~on_removed)
         depth = dr.select(through, depth, depth + 1)
-        first &= through
+        first &= through & ~on_removed
         ray = leave(point, normal, direction)
         active &= (dr.max(throughput) > 0.0) & (scatters | through)
         return DifferencePath(

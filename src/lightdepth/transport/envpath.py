@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import drjit as dr
 import mitsuba as mi
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_solid_angles
@@ -39,6 +38,8 @@ def support_with_scale_factors(scene: Scene, surfaces: RealSurfaces) -> RealSurf
         scene: for its light-depth map.
         surfaces: as modelled; support faces are cut and turned toward the capture point.
     """
+    import trimesh  # It takes longer to import than all else that renders.
+
     chosen = surfaces.receiving
     if not chosen.any():
         return surfaces

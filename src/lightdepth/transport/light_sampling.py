@@ -21,9 +21,6 @@ from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
 from lightdepth.transport.light_tracing import LightTracer
 from lightdepth.transport.sampler import Sampler
 
-UNLIKELY_SUN = 1 / 16
-"""Share of the vertices that test whether a sun is visible, among those where its shadow map finds that it is not."""
-
 
 @dataclass
 class Vertex:
@@ -73,7 +70,8 @@ class LightSampling:
         light_tracer: LightTracer | None,
     ) -> None:
         self._place, self._surfaces, self._parameters, self._light_tracer = place, surfaces, parameters, light_tracer
-        self._has_emitters, self._has_relit = has_emitters, FaceKind.RELIT in surfaces.kinds
+        self._has_emitters = has_emitters
+        self._has_relit = not surfaces.kinds.isdisjoint((FaceKind.RELIT, FaceKind.REMOVED))
         self.map_share = map_share(has_emitters)
 
     def weight_samples(self, in_difference: mi.Bool) -> mi.Float:
@@ -180,7 +178,7 @@ class LightSampling:
         u, v = sampler.stratified("sun")
         light = sun.sample(dr.select(first, u, sampler.next_1d(active)), dr.select(first, v, sampler.next_1d(active)))
         direction = light.position
-        chance = dr.select(sun.may_light(vertex.point), mi.Float(1.0), UNLIKELY_SUN)
+        chance = dr.select(sun.may_light(vertex.point), mi.Float(1.0), self._parameters.unlikely_sun)
         tried = active & (sampler.next_1d(active) < chance)
         tried &= ~vertex.in_difference | vertex.support.may_meet_objects(direction)
         value, scattering_pdf = self.scattering(context, vertex, direction, tried)
@@ -307,6 +305,12 @@ class LightSampling:
         """
         ray = shadow_ray(vertex.point, vertex.normal, direction, distance)
         passed = self._transmittance(ray, active)
+        if self._surfaces.has_removed:
+            # What was removed stood in the way before, and does not afterwards.
+            before = dr.select(self._place.unblocked(light, ray, active & inverted), mi.Float(1.0), 0.0)
+            after = passed & self._place.unblocked(light, ray, active & (passed > 0.0), kept=True)
+            after = dr.select(from_map & light.on_relit, 0.0, after)
+            return dr.select(inverted, after - before, after) & active
         share = dr.select(inverted, passed - 1.0, passed)
         if self._has_relit:
             share = dr.select(from_map & light.on_relit, dr.select(inverted, -1.0, 0.0), share)

@@ -3,28 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.kernel.sobol import BITS, POLYNOMIALS, direction_numbers
+
 DIMENSIONS = {"film": (0, 1), "light": (2,), "candidate": (3,), "direction": (4, 5, 6), "lens": (7, 8), "sun": (9, 10)}
 """Dimensions of the sequence by what they are for."""
-POLYNOMIALS = (
-    (1, 0, (1,)),
-    (2, 1, (1, 3)),
-    (3, 1, (1, 3, 1)),
-    (3, 2, (1, 1, 1)),
-    (4, 1, (1, 1, 3, 3)),
-    (4, 4, (1, 3, 5, 13)),
-    (5, 2, (1, 1, 5, 5, 17)),
-    (5, 4, (1, 1, 5, 5, 5)),
-    (5, 7, (1, 1, 7, 11, 19)),
-    (5, 11, (1, 1, 5, 1, 1)),
-)
-"""Degree, coefficients and initial direction numbers of Sobol's dimensions from 1 on, by Joe and Kuo 2008."""
-BITS = 16
-"""Of a sample's index that one sequence serves; every 2^16 samples another begins."""
 
 
 @dataclass
@@ -96,26 +82,6 @@ def _reversed_sobol(index: mi.UInt32, dimension: int) -> mi.UInt32:
     if dimension == 0:
         return index & ((1 << BITS) - 1)
     digits = mi.UInt32(0)
-    for bit, number in enumerate(_direction_numbers(*POLYNOMIALS[dimension - 1])):
+    for bit, number in enumerate(direction_numbers(*POLYNOMIALS[dimension - 1])):
         digits = dr.select((index & (1 << bit)) != 0, digits ^ number, digits)
     return digits
-
-
-@cache  # Every kernel that is traced asks for them.
-def _direction_numbers(degree: int, coefficients: int, first: tuple[int, ...]) -> tuple[int, ...]:
-    """What each bit of an index changes in a dimension's binary digits, the first of these in the lowest bit.
-
-    Args:
-        degree: of the dimension's polynomial.
-        coefficients: its inner ones as bits, that of the second highest power first.
-        first: the numbers that its recurrence begins with, as many as its degree.
-    """
-    numbers = list(first)
-    for bit in range(degree, BITS):
-        number = numbers[bit - degree] ^ (numbers[bit - degree] << degree)
-        for power in range(1, degree):
-            if coefficients >> (degree - 1 - power) & 1:
-                number ^= numbers[bit - power] << power
-        numbers.append(number)
-    # The n-th has n + 1 digits, which are the first ones behind the point.
-    return tuple(int(f"{number:0{bit + 1}b}"[::-1], 2) for bit, number in enumerate(numbers))

@@ -1,4 +1,4 @@
-"""An animation of several frames by the renderer that stays: killed, cancelled and another version in between."""
+"""An animation of several frames by the renderer that stays: killed and another version in between."""
 
 import json
 import os
@@ -53,39 +53,6 @@ scene.frame_set(2)
 as_exr(scene, folder / "after kill", multilayer=True)
 bpy.ops.render.render(write_still=True)
 found["after kill"] = pids[-1]
-
-# Cancelled while it prepares another place, and while it renders, as Escape does.
-engine = module("engine")
-asked = []
-
-
-def cancelling(until):
-    """Let the engine be stopped at the first event of a kind, or when a stage begins."""
-    original = worker.render
-
-    def render(command, request, stop, warn):
-        for event in original(command, request, stop, warn):
-            if until in (event["event"], event.get("stage")):
-                stop.asked = True
-            asked.append(event["event"])
-            yield event
-
-    engine.render = render
-
-
-before = scene.lightdepth.capture.location.x
-scene.lightdepth.capture.location.x = before + 0.1
-scene.lightdepth.samples = 1_000_000
-for stage in ("preparing", "progress"):
-    cancelling(stage)
-    bpy.ops.render.render()
-    found[f"cancelled at {stage}"] = [pids[-1], asked[-1]]
-engine.render = worker.render
-scene.lightdepth.samples = 2
-scene.lightdepth.capture.location.x = before
-as_exr(scene, folder / "after cancel", multilayer=True)
-bpy.ops.render.render(write_still=True)
-found["after cancel"] = pids[-1]
 
 # Another version.
 hello = json.dumps({"event": "hello", "version": "9.8.7", "schema": worker.SCHEMA})

@@ -129,6 +129,56 @@ if found["working space"]:
     bpy.ops.wm.set_working_color_space(working_space="ACEScg", convert_colors=True)
     bpy.ops.lightdepth.export_scene(filepath=f"{folder}/acescg.toml")
     bpy.ops.wm.set_working_color_space(working_space="Linear Rec.709", convert_colors=True)
+# Cameras of a scene file, as `calibrate view` writes them, imported and exported again.
+with open(f"{folder}/scene.toml") as file:
+    tables = file.read().split("\n[")
+kept = "\n[".join(table for table in tables if not table.startswith("camera"))
+with open(f"{folder}/given.toml", "w") as file:
+    file.write(
+        kept
+        + """
+[camera.lens]
+type = "perspective"
+width = 96
+height = 64
+fov = 70.0
+position = [0.1, -0.2, 1.4]
+rotation = [-12.0, 3.0, 40.0]
+principal_point = [0.47, 0.56]
+distortion = [-0.08, 0.012]
+
+[camera.looking]
+type = "perspective"
+width = 96
+height = 64
+look_at = [0.4, 1.0, 0.2]
+aperture = 0.01
+focus_distance = 1.5
+
+[camera.cube]
+type = "cubemap"
+width = 96
+position = [0.0, 0.3, 1.2]
+rotation = [0.0, 0.0, 25.0]
+
+[camera.youtube]
+type = "eac"
+width = 96
+position = [0.0, 0.3, 1.2]
+rotation = [0.0, 0.0, 25.0]
+
+[camera.theatre]
+type = "dome_master"
+width = 64
+"""
+    )
+bpy.ops.lightdepth.import_cameras(filepath=f"{folder}/given.toml")
+found["resolution"] = [scene.render.resolution_x, scene.render.resolution_y, scene.camera.name]
+bpy.ops.lightdepth.export_scene(filepath=f"{folder}/again.toml")
+scene.camera = camera
+camera.data.type = "PANO"
+(camera.data if hasattr(camera.data, "panorama_type") else camera.data.cycles).panorama_type = "MIRRORBALL"
+found["mirror ball"] = refused(bpy.ops.lightdepth.export_scene, filepath=f"{folder}/flat.toml")
 bpy.data.objects["Camera"].data.type = "ORTHO"
 found["orthographic"] = refused(bpy.ops.lightdepth.export_scene, filepath=f"{folder}/flat.toml")
 answer(**found)

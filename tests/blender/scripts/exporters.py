@@ -57,6 +57,7 @@ def exports():
     yield "draco", ".glb", lambda path: bpy.ops.export_scene.gltf(
         filepath=path, export_draco_mesh_compression_enable=True
     )  # fmt: skip
+    yield "usdc", ".usdc", lambda path: bpy.ops.wm.usd_export(filepath=path, convert_world_material=False)
 
 
 def area_and_bounds(thing):

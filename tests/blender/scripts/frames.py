@@ -30,13 +30,22 @@ def whole(name):
     bpy.ops.render.render(write_still=True)
 
 
-layer.use_pass_object_index = layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_asset = True
+MATTES = ("object_index", "material_index", "cryptomatte_object", "cryptomatte_material", "cryptomatte_asset")
+for name in MATTES:
+    setattr(layer, f"use_pass_{name}", True)
 layer.pass_cryptomatte_depth = 4
 ball.parent = bpy.data.objects.new("Toys", None)
 scene.collection.objects.link(ball.parent)
 found["ball"] = ball.name
+for name in ("Left", "Right"):  # halves of the ball
+    made = bpy.data.materials.new(name)
+    made.pass_index = 3 if name == "Right" else 2
+    ball.data.materials.append(made)
+for polygon in ball.data.polygons:
+    polygon.material_index = int(polygon.center.x > 0.0)
 whole("passes.exr")
-layer.use_pass_object_index = layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_asset = False
+for name in MATTES:
+    setattr(layer, f"use_pass_{name}", False)
 
 # The compositor adds up what the passes say: plate x (1 - coverage) + change + synthetic.
 if hasattr(scene, "compositing_node_group"):
@@ -153,6 +162,7 @@ if kept is not None:
 found["written"] = sorted(path.name for path in folder.glob("failed*"))
 
 # A second scene has a panorama and materials of its own; roles keep what is linked to the object.
+ball.data.materials.clear()
 red, blue = bpy.data.materials.new("Red"), bpy.data.materials.new("Blue")
 ball.data.materials.append(red)
 ball.material_slots[0].link, ball.material_slots[0].material = "OBJECT", blue

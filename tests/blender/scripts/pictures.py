@@ -46,6 +46,7 @@ def steps():
     settings.capture.location, settings.capture.rotation_euler = POSITION, ROTATION
     yield from model(scene)
     yield from holes(scene)
+    yield from viewport(scene)
     yield from render(scene)
     yield from preferences()
 
@@ -173,6 +174,30 @@ def holes(scene):
     window.picture(folder / "holes.png")
     walls.data = kept
     bpy.data.objects.remove(bpy.data.objects["Holes"])
+
+
+def viewport(scene):
+    """The renderer's picture in the viewport, with the object selected and the passes of the view layer beside it."""
+    where = window.editor("VIEW_3D")
+    scene.render.engine, scene.lightdepth.samples = "LIGHTDEPTH", 32
+    space = where["area"].spaces.active
+    monkey = bpy.data.objects["Suzanne"]
+    for item in bpy.context.selected_objects:
+        item.select_set(False)
+    monkey.select_set(True)
+    bpy.context.view_layer.objects.active = monkey
+    look(where, (0.15, 1.0, -0.9))
+    properties = next(area for area in where["window"].screen.areas if area.type == "PROPERTIES")
+    properties.spaces.active.context = "VIEW_LAYER"
+    before, space.shading.type = space.shading.type, "RENDERED"
+    while not module("viewport")._live:
+        yield DRAWN
+    preview = next(iter(module("viewport")._live))._preview
+    while preview.is_asked or preview.picture is None:
+        yield DRAWN
+    yield 2 * DRAWN
+    window.picture(folder / "viewport.png")
+    space.shading.type = before
 
 
 def render(scene):

@@ -794,6 +794,99 @@ def far_from_the_origin(s):
 # The harness.
 
 
+# Motion blur.
+
+
+def open_shutter(s, length=0.5, position="CENTER"):
+    """Motion blur around frame 10."""
+    s.render.use_motion_blur, s.render.motion_blur_shutter, s.render.motion_blur_position = True, length, position
+    s.frame_set(10)
+
+
+def keyed(owner, path, *values, frames=(9, 11)):
+    """Keys of an attribute, straight from one to the next."""
+    for frame, value in zip(frames, values, strict=True):
+        setattr(owner, path, value)
+        owner.keyframe_insert(path, frame=frame)
+    data = owner.id_data.animation_data
+    curves = data.action.layers[0].strips[0].channelbag(data.action_slot).fcurves if data.action_slot else []
+    for curve in curves:
+        for point in curve.keyframe_points:
+            point.interpolation = "LINEAR"
+
+
+@scene()
+def moving_ball(s):
+    keyed(ball(principled(Base_Color=RED, Roughness=0.6), radius=0.3), "location", (-0.7, 1.5, 1.2), (0.7, 1.5, 1.3))
+    open_shutter(s)
+
+
+@scene()
+def shutter_that_closes_at_the_frame(s):
+    keyed(box(principled(Base_Color=GREEN)), "location", (-0.7, 1.5, 1.2), (0.7, 1.5, 1.2))
+    open_shutter(s, 1.6, "END")
+
+
+@scene()
+def turning_box(s):
+    item = box(textured()[0])
+    item.cycles.motion_steps = 3
+    keyed(item, "rotation_euler", (0.0, 0.0, -1.2), (0.4, 0.0, 1.2))
+    open_shutter(s, 1.0)
+
+
+@scene()
+def moving_camera(s):
+    ball(principled(Base_Color=RED), radius=0.3)
+    keyed(s.camera, "location", (-0.3, -0.3, 1.3), (0.3, -0.3, 1.3))
+    open_shutter(s, 1.0)
+
+
+@scene()
+def zooming_lens(s):
+    ball(principled(Base_Color=RED), radius=0.3)
+    keyed(s.camera.data, "lens", 25.0, 55.0)
+    open_shutter(s, 1.0)
+
+
+@scene()
+def ball_without_motion_blur(s):
+    item = ball(principled(Base_Color=RED), radius=0.3)
+    keyed(item, "location", (-0.7, 1.5, 1.2), (0.7, 1.5, 1.3))
+    item.cycles.use_motion_blur = False
+    open_shutter(s)
+
+
+@scene()
+def growing_ball(s):
+    item = ball(principled(Base_Color=GREEN, Roughness=0.6), radius=0.3)
+    item.shape_key_add(name="Basis")
+    grown = item.shape_key_add(name="Grown")
+    for point in grown.data:
+        point.co.x *= 2.5
+    keyed(grown, "value", 0.0, 1.0)
+    open_shutter(s, 1.0)
+
+
+@scene()
+def moving_instances(s):
+    """Forty balls of one instancer that goes sideways."""
+    instanced = ball(principled(Base_Color=RED), radius=0.07, location=(0.0, 0.0, 0.0))
+    cloud = bpy.data.meshes.new("cloud")
+    cloud.from_pydata([(0.2 * (i % 8) - 0.7, 0.0, 0.2 * (i // 8) - 0.4) for i in range(40)], [], [])
+    holder = bpy.data.objects.new("cloud", cloud)
+    s.collection.objects.link(holder)
+    instanced.parent, holder.instance_type = holder, "VERTS"
+    keyed(holder, "location", (-0.2, 1.5, 1.2), (0.2, 1.5, 1.2))
+    open_shutter(s, 1.0)
+
+
+@scene("Rolling shutter")
+def rolling_shutter(s):
+    moving_ball(s)
+    s.cycles.rolling_shutter_type = "TOP"
+
+
 def reset(s, room):
     """Back to the empty room, and to the settings of the first scene."""
     for item in [item for item in bpy.data.objects if item.name not in room]:
@@ -803,7 +896,8 @@ def reset(s, room):
     for collection in [each for each in bpy.data.collections if not any(item.name in room for item in each.objects)]:
         bpy.data.collections.remove(collection)
     bpy.data.orphans_purge(do_recursive=True)
-    s.render.use_border = s.render.use_crop_to_border = False
+    s.render.use_border = s.render.use_crop_to_border = s.render.use_motion_blur = False
+    s.cycles.rolling_shutter_type = "NONE"
     s.render.border_min_x, s.render.border_max_x, s.render.border_min_y, s.render.border_max_y = 0.0, 1.0, 0.0, 1.0
     add_camera(s, (WIDTH, HEIGHT), (0.0, -0.3, 1.3), (math.pi / 2, 0.0, 0.0)).data.lens = 40.0
     bpy.context.view_layer.update()

@@ -11,10 +11,13 @@ import importlib.util
 import mmap
 import os
 import re
+import struct
 import subprocess
 import sys
 import time
 import traceback
+
+import numpy as np
 
 _SYMBOL = re.compile(
     r"([0-9a-f]+) \w (?:blender::)?(PyInit_bpy|main_python_enter|WM_main|BPY_context_get)\b(?!.*\.cold)"
@@ -74,7 +77,7 @@ def run(steps):
     loop(context())
 
 
-def until(condition, seconds=400.0, every=0.01):
+def until(condition, seconds=200.0, every=0.01):
     """Let Blender live until something is so; ask every so many seconds."""
     deadline = time.monotonic() + seconds
     while not condition():
@@ -134,6 +137,16 @@ def press(*keys):
 def picture(path):
     """Take a picture of the whole display."""
     subprocess.run(["import", "-window", "root", str(path)], check=True)
+
+
+def screen(folder):
+    """What the display shows, shape (height, width, 3), 8 bits; Xvfb keeps it in a folder, as a window dump of X11."""
+    data = (folder / "Xvfb_screen0").read_bytes()
+    header = struct.unpack_from(">25I", data)
+    size, width, height, bytes_per_line, colours = header[0], header[4], header[5], header[12], header[19]
+    start = size + 12 * colours
+    pixels = np.frombuffer(data, np.uint8, height * bytes_per_line, start).reshape(height, bytes_per_line // 4, 4)
+    return pixels[:, :width, 2::-1]
 
 
 def _xdotool(*words):

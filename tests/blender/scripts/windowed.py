@@ -1,6 +1,7 @@
 """In a window, with the mouse and the keyboard: calibrate, ask the renderer, model, undo, render, stop a rendering."""
 
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ bpy = window.open_window()
 
 import os  # noqa: E402 - Blender's own modules are there only now
 
+import numpy as np  # noqa: E402
 from bpy_extras.view3d_utils import location_3d_to_region_2d  # noqa: E402
 from mathutils import Matrix, Quaternion, Vector  # noqa: E402
 from session import MODULE, add_camera, answer, begin, module, pose, pose_from_corners, write_program  # noqa: E402
@@ -41,6 +43,7 @@ def steps():
     yield from give_up_on_a_renderer_that_hangs(settings)
     yield from model(scene)
     yield from render(scene)
+    yield from preview()
     answer(**found)
 
 
@@ -183,7 +186,7 @@ def render(scene):
     window.press("F12")
     yield from until(is_rendering)
     yield from until(lambda: not is_rendering())
-    shown("finished")
+    shown_width("finished")
     found["renderers after"] = renderers()
     window.press("Escape")  # back from the render result to what the editor was
     yield from drawn()
@@ -191,12 +194,100 @@ def render(scene):
     # Another size, so that what is shown is not the picture above.
     scene.render.resolution_x = 40
     window.press("F12")
-    yield from until(lambda: renderers() and shown("progressing") == 40, every=0.3)
+    yield from until(lambda: renderers() and shown_width("progressing") == 40, every=0.3)
     found["renderers"] = renderers()
     window.press("Escape")
     yield from until(lambda: not is_rendering())
-    shown("stopped")
+    shown_width("stopped")
     found["renderers after Escape"] = renderers()
+
+
+def preview():
+    """A shining ball in the viewport's pictures: it is moved, the view is turned, F12 comes first, and the mode is left."""
+    scene = bpy.context.window_manager.windows[0].scene
+    window.press("Escape")  # back from the render result
+    yield from drawn()
+    ball = bpy.data.objects["Sphere"]
+    glow = bpy.data.materials.new("Glow")
+    glow.use_nodes = True
+    shader = glow.node_tree.nodes["Principled BSDF"]
+    scene.view_settings.view_transform = "Standard"
+    shader.inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    shader.inputs["Emission Color"].default_value = (0.0, 1.0, 0.0, 1.0)
+    shader.inputs["Emission Strength"].default_value = 1.0
+    ball.data.materials.append(glow)
+    ball.select_set(False)
+    scene.lightdepth.samples = 2
+    where = window.editor("VIEW_3D")
+    space = where["area"].spaces.active
+    view = space.region_3d
+    scene.camera.rotation_euler = (ball.location - scene.camera.location).to_track_quat("-Z", "Y").to_euler()
+    view.view_perspective = "CAMERA"
+    space.overlay.show_overlays = space.show_gizmo = space.show_region_ui = space.show_region_toolbar = False
+    space.shading.type = "RENDERED"
+    viewport = module("viewport")
+    yield from until(lambda: viewport._live)
+
+    def live():
+        return next(iter(viewport._live))
+
+    found["green"] = {}
+    number = [0]
+
+    def look(name):
+        """Wait for the finest picture; note which share of what shines is within the ball, and which share of it shines."""
+        yield from until(lambda: settled(live()) and live()._preview.picture.number > number[0])
+        number[0] = live()._preview.picture.number
+        yield from drawn()
+        yield 0.2
+        to_world, centre = view.view_matrix.inverted(), ball.matrix_world.translation
+        outline = 0.3 / math.sqrt(
+            1.0 - (0.3 / (to_world.translation - centre).length) ** 2
+        )  # of a sphere, seen from near
+        x, y = location_3d_to_region_2d(where["region"], view, centre)
+        edge = location_3d_to_region_2d(where["region"], view, centre + outline * to_world.col[0].xyz)
+        region, height = where["region"], bpy.context.window_manager.windows[0].height
+        pixels = window.screen(folder)[height - region.y - region.height : height - region.y, region.x :]
+        pixels = pixels[:, : region.width].astype(float)
+        shines = (pixels[..., 1] > 200) & (pixels[..., 1] > 2.0 * pixels[..., 0])
+        rows, columns = np.nonzero(shines)
+        inside = np.hypot(columns + 0.5 - x, region.height - rows - 0.5 - y) < abs(edge.x - x)
+        found["green"][name] = [
+            float(inside.mean()) if len(rows) else 0.0,
+            float(inside.sum() / (np.pi * (edge.x - x) ** 2)),
+        ]
+
+    yield from look("first")
+    found["preview's renderer"] = renderers()
+    ball.location.x += 0.3
+    yield from look("moved")
+    view.view_perspective, view.view_location, view.view_distance = "PERSP", ball.location.copy(), 1.5
+    view.view_rotation = Vector((0.4, 0.8, -0.5)).to_track_quat("-Z", "Y")
+    yield from look("turned")
+    # Something that takes too long, and F12 meanwhile.
+    scene.lightdepth.samples = 1_000_000
+    scene.update_tag()
+    yield from until(lambda: "samples" in live()._preview.status)
+    before, scene.lightdepth.samples = live()._preview.picture.number, 1
+    scene.update_tag()
+    scene.render.resolution_x = 44
+    bpy.context.preferences.view.render_display_type = "NONE"  # or the viewport would make room for the picture
+    window.press("F12")
+    yield from until(is_rendering)
+    yield from until(lambda: not is_rendering())
+    found["F12 beside the preview"] = shown_width("beside")
+    yield from until(lambda: settled(live()) and live()._preview.picture.number > before)
+    view.view_perspective = "ORTHO"
+    yield from until(lambda: "orthographic" in live()._preview.status)
+    space.shading.type = "SOLID"
+    yield from until(lambda: not viewport._live)
+    found["renderers after the preview"] = renderers()
+
+
+def settled(shown):
+    """Whether the preview has done what it was asked."""
+    preview = shown._preview
+    return preview.picture is not None and not preview.status and not shown._changed and not preview.is_asked
 
 
 def is_rendering():
@@ -207,7 +298,7 @@ def meshes():
     return sorted(item.name for item in bpy.data.objects if item.type == "MESH")
 
 
-def shown(name):
+def shown_width(name):
     """Save what the render window shows; returns its width in pixels, 0 where there is nothing yet."""
     path = folder / f"{name}.png"
     try:

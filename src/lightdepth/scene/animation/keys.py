@@ -8,11 +8,8 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
-from scipy.spatial.transform import Rotation, Slerp
 
 from lightdepth.directions import euler_rotation, rotation_to_euler
-from lightdepth.scene.animation.turning import turned_smoothly
 
 Interpolation = Literal["linear", "smooth", "step"]
 
@@ -45,6 +42,12 @@ class Keys:
         if np.array_equal(self.values[before], self.values[before + 1]):  # Not but for the last digit.
             return self.values[before]
         smooth = self.interpolation == "smooth"
+        # What most scenes need not wait for.
+        from scipy.interpolate import PchipInterpolator
+        from scipy.spatial.transform import Rotation, Slerp
+
+        from lightdepth.scene.animation.turning import turned_smoothly
+
         if self.turns:
             rotations = Rotation.from_matrix(np.stack([euler_rotation(angles) for angles in self.values]))
             spline = partial(turned_smoothly, self.frames, rotations) if smooth else Slerp(self.frames, rotations)

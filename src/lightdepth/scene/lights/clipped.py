@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from lightdepth.directions import latlong_to_direction, pixel_solid_angles
 from lightdepth.errors import InputError
-from lightdepth.scene.values import Name, Number, Table
+from lightdepth.scene.values import Name, Number, Radiance, Table
 
 SAME = 0.98
 """Share of the radiance at the source's pixel from which on its neighbours belong to the plateau."""
@@ -37,7 +37,7 @@ class ClippedTable(Table):
     type: Literal["clipped"]
     name: Name = "clipped"
     pixel: tuple[Coordinate, Coordinate]
-    radiance: tuple[Coordinate, Coordinate, Coordinate]
+    radiance: tuple[Radiance, Radiance, Radiance]
     diameter: Number | None = Field(default=None, gt=0.0, le=30.0)
 
     def source(self) -> ClippedSource:

@@ -12,8 +12,9 @@ from pydantic import Field, model_validator
 
 from lightdepth.errors import InputError
 from lightdepth.packages import optional_package
+from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.lights.frame import sun_direction
-from lightdepth.scene.values import InputFile, Name, Number, Table, Vector3
+from lightdepth.scene.values import Angle, InputFile, Metres, Name, Number, Radiance, Table, Vector3
 
 SUN_DIAMETER = 0.53
 """Degrees, as seen from the earth."""
@@ -31,18 +32,16 @@ class SunTable(Table):
     type: Literal["sun"]
     name: Name = "sun"
     direction: Vector3 | None = None
-    azimuth: Number | None = None
+    azimuth: Angle | None = None
     elevation: Annotated[Number | None, Field(ge=-90.0, le=90.0)] = None
     latitude: Annotated[Number | None, Field(ge=-90.0, le=90.0)] = None
     longitude: Annotated[Number | None, Field(ge=-180.0, le=180.0)] = None
     time: datetime | None = None
-    north: Number | None = None
-    diameter: Number = Field(default=SUN_DIAMETER, gt=0.0, le=10.0)
-    irradiance: tuple[
-        Annotated[Number, Field(ge=0.0)], Annotated[Number, Field(ge=0.0)], Annotated[Number, Field(ge=0.0)]
-    ]
+    north: Angle | None = None
+    diameter: Number = Field(default=SUN_DIAMETER, ge=0.001, le=10.0)
+    irradiance: tuple[Radiance, Radiance, Radiance]
     mask: InputFile | None = None
-    mask_extent: tuple[Number, Number, Number, Number] | None = None
+    mask_extent: tuple[Metres, Metres, Metres, Metres] | None = None
 
     @model_validator(mode="after")
     def _one_way(self) -> SunTable:
@@ -62,6 +61,13 @@ class SunTable(Table):
             raise ValueError("direction must not be (0, 0, 0)")
         if not any(self.irradiance):
             raise ValueError("irradiance must not be 0 in all channels")
+        if (
+            radiance := max(self.irradiance) / (math.pi * math.sin(math.radians(0.5 * self.diameter)) ** 2)
+        ) > BRIGHTEST:
+            raise ValueError(
+                f"irradiance {max(self.irradiance):g} from a diameter of {self.diameter:g} degrees is a radiance of "
+                f"{radiance:.3g}; allowed are up to {BRIGHTEST:g}"
+            )
         if (self.mask is None) != (self.mask_extent is None):
             raise ValueError("mask and mask_extent = [left, bottom, right, top] go together")
         return self

@@ -10,6 +10,9 @@ from pydantic import Field, ValidationInfo, field_validator
 from lightdepth.files import is_file
 from lightdepth.scene.materials.material import Material, Plugin
 
+LARGEST = 1e15
+"""Number that a plugin is given."""
+
 
 class MitsubaBsdf(Material):
     """``material = { mitsuba = { type = ..., ... } }``: the plugin's parameters as its documentation names them.
@@ -48,4 +51,7 @@ def _prepared(plugin: dict[str, Any], folder: Path) -> dict[str, Any]:
             prepared[key] = str(folder / value)
         else:
             prepared[key] = value
+        for number in value if isinstance(value, list) else [value]:
+            if isinstance(number, int | float) and not abs(number) <= LARGEST:
+                raise ValueError(f"{key}: must be at most {LARGEST:g} in size, found {number:g}")
     return prepared

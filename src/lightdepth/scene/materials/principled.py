@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.materials.material import Material, Plugin, area_light, rgb, two_sided
 from lightdepth.scene.materials.texture import Texture, VertexColors
 from lightdepth.scene.materials.values import Colour, NormalMap, Radiance, Share
@@ -52,6 +53,17 @@ class Principled(Material):
     def _one_reflectivity(self) -> Principled:
         if self.ior is not None and "specular" in self.model_fields_set:
             raise ValueError("give specular or ior, not both")
+        return self
+
+    @model_validator(mode="after")
+    def _possible_radiance(self) -> Principled:
+        emission = self.emission
+        brightest = float(emission.pixels.max(initial=0.0)) if isinstance(emission, Texture) else max(emission)
+        if brightest * self.emission_strength > BRIGHTEST:
+            raise ValueError(
+                f"emission_strength {self.emission_strength:g} times emission, up to {brightest:g}, is too bright; "
+                f"allowed is a product of up to {BRIGHTEST:g}"
+            )
         return self
 
     @property

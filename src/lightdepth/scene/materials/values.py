@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import PlainValidator, ValidationInfo
 
+from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.materials.image import Content, read_texture
 from lightdepth.scene.materials.texture import Texture, VertexColors
 
@@ -47,9 +48,11 @@ def _colour(value: Any, info: ValidationInfo) -> Triple | Texture | VertexColors
 
 
 def _radiance(value: Any, info: ValidationInfo) -> Triple | Texture:
-    found = _texture(value, Content.COLOUR, info) or _three(value, math.inf)
+    found = _texture(value, Content.COLOUR, info) or _three(value, BRIGHTEST)
     if found is None or isinstance(found, VertexColors):
-        raise ValueError("must be three numbers of 0 or more (linear red, green, blue), one number, or an image file")
+        raise ValueError(
+            f"must be three numbers from 0 to {BRIGHTEST:g} (linear red, green, blue), one number, or an image file"
+        )
     return found
 
 

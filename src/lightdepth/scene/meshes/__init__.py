@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from lightdepth.scene.meshes.obj import read_obj
 from lightdepth.scene.meshes.part import MeshPart, Note
 from lightdepth.scene.meshes.ply import read_ply
 from lightdepth.scene.meshes.stl import read_stl
+from lightdepth.scene.meshes.usd import FORMATS, open_usd, read_usd
 
 READERS: dict[str, Callable[[Path, bool, Note], list[MeshPart]]] = {
     ".ply": read_ply,
@@ -24,8 +26,24 @@ READERS: dict[str, Callable[[Path, bool, Note], list[MeshPart]]] = {
     ".stl": read_stl,
     ".gltf": read_gltf,
     ".glb": read_gltf,
+    **dict.fromkeys(FORMATS, read_usd),
 }
 """Readers by file name extension. They take the file, whether materials are wanted, and a function for notes."""
+
+
+class Posable(Protocol):
+    """An open file whose meshes move."""
+
+    def parts(self, animation: str | None = None, time: float = 0.0, loop: bool = False) -> list[MeshPart]:
+        """The parts at a time; see :meth:`AnimatedMesh.parts`."""
+
+
+ANIMATED: dict[str, Callable[[Path, bool, Note], Posable]] = {
+    ".gltf": GltfReader,
+    ".glb": GltfReader,
+    **dict.fromkeys(FORMATS, open_usd),
+}
+"""What opens the formats that have animations, likewise."""
 
 
 def read_mesh_file(path: Path, with_materials: bool, keep_flat: bool = False) -> list[MeshPart]:
@@ -52,7 +70,7 @@ class AnimatedMesh:
     """A mesh file in one pose of its animation after the other; what does not move is read once.
 
     Args:
-        path: a glTF file.
+        path: a file of one of the formats ``ANIMATED``.
         with_materials: read the materials, too.
 
     Raises:
@@ -60,12 +78,13 @@ class AnimatedMesh:
     """
 
     def __init__(self, path: Path, with_materials: bool) -> None:
-        if _reader(path) is not read_gltf:
-            allowed = ", ".join(suffix for suffix, reader in READERS.items() if reader is read_gltf)
-            raise InputError(f"{path}: '{path.suffix}' files have no animations; allowed are {allowed}")
+        _reader(path)
+        opening = ANIMATED.get(path.suffix.lower())
+        if opening is None:
+            raise InputError(f"{path}: '{path.suffix}' files have no animations; allowed are {', '.join(ANIMATED)}")
         self._path = path
         with _named(path):
-            self._file = GltfReader(path, with_materials, _noting(path))
+            self._file = opening(path, with_materials, _noting(path))
 
     def parts(self, animation: str, time: float, loop: bool) -> list[MeshPart]:
         """The file's parts, as :func:`read_mesh_file` gives them, at a time of an animation.

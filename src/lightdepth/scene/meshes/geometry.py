@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import euler_rotation
+from lightdepth.quantities import FARTHEST
 from lightdepth.scene.meshes.rows import unique_rows
 from lightdepth.scene.model import Mesh
 
 Triple = tuple[float, float, float]
-FARTHEST = 1e15
-"""Coordinates beyond are damage."""
 COARSEST_STEP = 0.002
 """Of a mesh's size: coarser steps of single precision would be seen."""
 
@@ -54,11 +53,30 @@ def transformed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     )
 
 
+def bent(
+    matrices: NDArray[np.float64], positions: NDArray[np.float64], normals: NDArray[np.floating] | None
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
+    """Positions and normals, each under an affine map of its own.
+
+    Args:
+        matrices: shape (n, 3, 4).
+        positions: shape (n, 3).
+        normals: shape (n, 3), if any.
+    """
+    linear = matrices[:, :, :3]
+    moved = np.einsum("nij,nj->ni", linear, positions) + matrices[:, :, 3]
+    if normals is None:
+        return moved, None
+    cofactors = np.stack([np.cross(linear[:, i - 2], linear[:, i - 1]) for i in range(3)], axis=1)
+    turned = np.einsum("nij,nj->ni", cofactors, normals) * np.where(np.linalg.det(linear) < 0.0, -1.0, 1.0)[:, None]
+    return moved, unit(turned).astype(np.float64)
+
+
 def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
     """The mesh in the world, in single precision, under an affine map of shape (4, 4).
 
     Raises:
-        ValueError: it stands so far from the world's origin that single precision cannot hold its shape.
+        ValueError: it stands so far from the world's origin that single precision cannot hold its shape, or flat.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         exact = transformed(mesh, matrix)
@@ -71,6 +89,8 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
             f"for its size of {size:.3g} m; give it a position that brings it near the origin"
         )
     solid = face_areas(vertices, exact.faces) > 0.0
+    if not solid.any():
+        raise ValueError("no triangle of it has an area where it stands; mind its scale")
     return replace(
         exact,
         vertices=vertices,

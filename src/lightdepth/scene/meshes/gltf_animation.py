@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.scene.meshes.file_camera import listed
 from lightdepth.scene.meshes.gltf_accessors import GltfAccessors
 from lightdepth.scene.meshes.gltf_file import GltfFile
 from lightdepth.scene.meshes.gltf_schema import AnimationEntry, Channel, Node, checked_part
@@ -17,8 +18,6 @@ FloatArray = NDArray[np.float64]
 INTERPOLATIONS = ("LINEAR", "STEP", "CUBICSPLINE")
 WIDTHS = {"translation": 3, "rotation": 4, "scale": 3}
 """Numbers of a value of each path; ``weights`` has as many as there are morph targets."""
-MOST_LISTED = 20
-"""Names of animations in a message."""
 NEARLY_ALIKE = 1.0 - 1e-9
 """Cosine between two quaternions from which on they are interpolated as numbers."""
 
@@ -187,6 +186,4 @@ def _number(file: GltfFile, name: str) -> int:
         return called.index(name)
     if not called:
         raise InputError(f"{file.path}: has no animation '{name[:100]}'; it has no animations at all")
-    listed = ", ".join(f"'{each[:60]}'" for each in called[:MOST_LISTED])
-    more = f" and {len(called) - MOST_LISTED} more" if len(called) > MOST_LISTED else ""
-    raise InputError(f"{file.path}: has no animation '{name[:100]}'; it has {listed}{more}")
+    raise InputError(f"{file.path}: has no animation '{name[:100]}'; it has {listed(called)}")

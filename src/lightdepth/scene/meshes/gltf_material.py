@@ -16,6 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.errors import InputError
+from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.materials import Principled, Texture, VertexColors
 from lightdepth.scene.meshes.gltf_file import GltfFile
 from lightdepth.scene.meshes.gltf_schema import (
@@ -113,6 +115,12 @@ class GltfMaterials:
             )
         if (normals := info(entry.normal_texture)) is not None:
             settings["normal_map"] = self._textures.normals(normals)
+        brightest = max(entry.emissive_factor) * settings["emission_strength"]
+        if brightest > BRIGHTEST:
+            raise InputError(
+                f"{self._file.path}: {self._name(index)}: emissiveFactor times emissiveStrength is {brightest:.3g}; "
+                f"allowed are up to {BRIGHTEST:g}"
+            )
         return Principled(**settings)
 
     def _entry(self, index: int | None) -> MaterialEntry:

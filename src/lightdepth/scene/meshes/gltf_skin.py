@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
-from lightdepth.scene.meshes.geometry import unit
+from lightdepth.scene.meshes.geometry import bent
 from lightdepth.scene.meshes.gltf_accessors import GltfAccessors
 from lightdepth.scene.meshes.gltf_file import GltfFile
 from lightdepth.scene.meshes.gltf_nodes import GltfNodes
@@ -31,14 +31,8 @@ def skinned(
             )
         matrices = matrices @ inverse[: len(matrices)]
     blended = _blended(file, skin, primitive, matrices, len(base.positions))
-    positions = np.einsum("nij,nj->ni", blended[:, :, :3], base.positions) + blended[:, :, 3]
-    linear = blended[:, :, :3]
-    mirrored = np.linalg.det(linear) < 0.0
-    normals = base.normals
-    if normals is not None:
-        cofactors = np.stack([np.cross(linear[:, i - 2], linear[:, i - 1]) for i in range(3)], axis=1)
-        turned = np.einsum("nij,nj->ni", cofactors, normals) * np.where(mirrored, -1.0, 1.0)[:, None]
-        normals = unit(turned).astype(np.float64)
+    positions, normals = bent(blended, base.positions, base.normals)
+    mirrored = np.linalg.det(blended[:, :, :3]) < 0.0
     faces = base.faces
     if len(mirrored) and mirrored.mean() > 0.5:
         faces = faces[:, ::-1]

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.materials import Principled, Texture
 from lightdepth.scene.materials.image import read_pixels
 from lightdepth.scene.materials.texture import SRGB_TO_LINEAR
@@ -68,6 +69,11 @@ def principled(name: str, statements: Mapping[str, Statement], has_uv: bool, not
     reader.name_the_rest()
     kd = reader.triple("kd", 0.8, 1.0)
     ke = reader.triple("ke", 0.0, math.inf)
+    if max(ke) > BRIGHTEST:
+        note(
+            f"{statements['ke'].place}: 'Ke' of material '{name[:40]}' is {max(ke):.3g}, which is taken as {BRIGHTEST:g}"
+        )
+        ke = (min(ke[0], BRIGHTEST), min(ke[1], BRIGHTEST), min(ke[2], BRIGHTEST))
     base: Any = reader.colour("map_kd", kd)
     if isinstance(base, Texture) and not any(kd):
         note(f"material '{name}': Kd 0 0 0 multiplies its map_Kd and makes it black")

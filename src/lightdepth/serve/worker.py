@@ -31,7 +31,10 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from lightdepth.api import load_scene
 from lightdepth.errors import InputError, InputWarning, LightdepthError
 from lightdepth.kernel.start import Device
-from lightdepth.session.displays import ExrDisplay, PngDisplay
+from lightdepth.scene.frames import SceneFrames
+from lightdepth.sequence.motion_blur import MotionBlur
+from lightdepth.sequence.shutter import Shutter, frame_job
+from lightdepth.session.displays import Display, ExrDisplay, PngDisplay
 from lightdepth.session.events import SCHEMA, Caution, Done, Event, Failure, Hello, Stage
 from lightdepth.session.session import Job, Session
 
@@ -44,6 +47,8 @@ class RenderRequest(BaseModel):
     Attributes:
         id: of the request, for its events.
         scene: the scene file.
+        frame: of its sequence, which is rendered with the motion blur and the seed that it has there; ``None`` renders the
+            scene at its first frame, as it stands.
         output: the EXR file to write.
         picture: also write a PNG beside it.
         layers: names of layers to write; ``None`` for all.
@@ -55,6 +60,7 @@ class RenderRequest(BaseModel):
     id: str
     scene: Path
     output: Path
+    frame: int | None = Field(default=None, ge=0)
     camera: str | None = None
     samples: int | None = Field(default=None, ge=1)
     noise: float | None = Field(default=None, gt=0.0)
@@ -81,7 +87,7 @@ class _Running:
     """
 
     id: str
-    session: Session | None = None
+    session: Session | MotionBlur | None = None
     cancelled: bool = False
 
 
@@ -203,35 +209,58 @@ class Worker:
                 self._pending.discard(request.id)
 
     def _render(self, request: RenderRequest, running: _Running) -> None:
+        job = Job(
+            camera=request.camera,
+            samples=request.samples,
+            noise=request.noise,
+            method=request.method,
+            seed=request.seed,
+            draft=request.draft,
+            denoise=request.denoise,
+            region=request.region,
+            preview_seconds=request.preview_seconds,
+        )
+        work: Session | MotionBlur | None = None
         if not running.cancelled:
             self._say(Stage("loading"), request.id)
             _check_layers(request.layers)
             with self._cautions(request.id):
-                scene = load_scene(request.scene, request.repair)
-            session = Session(scene, self._device)
+                work, job = self._work(request, job)
         with self._lock:
-            if running.cancelled:
+            if running.cancelled or work is None:
                 self._say(Done(None, interrupted=True), request.id)
                 return
-            running.session = session
-        session.on(lambda event: self._say(event, request.id))
-        session.display(ExrDisplay(request.output, request.layers))
+            running.session = work
+        displays: list[Display] = [ExrDisplay(request.output, request.layers)]
         if request.picture:
-            session.display(PngDisplay(request.output.with_suffix(".png"), request.exposure))
-        session.run(
-            Job(
-                camera=request.camera,
-                samples=request.samples,
-                noise=request.noise,
-                method=request.method,
-                seed=request.seed,
-                draft=request.draft,
-                denoise=request.denoise,
-                region=request.region,
-                preview_seconds=request.preview_seconds,
-            ),
-            lambda: running.cancelled,
+            displays.append(PngDisplay(request.output.with_suffix(".png"), request.exposure))
+
+        def report(event: Event) -> None:
+            self._say(event, request.id)
+
+        if isinstance(work, MotionBlur):
+            work.render(displays, self._device, report)
+            return
+        work.on(report)
+        for display in displays:
+            work.display(display)
+        work.run(job, lambda: running.cancelled)
+
+    def _work(self, request: RenderRequest, job: Job) -> tuple[Session | MotionBlur, Job]:
+        """What renders a request, and its job."""
+        if request.frame is None:
+            return Session(load_scene(request.scene, request.repair), self._device), job
+        frames = SceneFrames(request.scene, request.repair)
+        number = request.frame
+        first, last = frames.sequence.frames
+        if not first <= number <= last:
+            raise InputError(f"request: frame: {number} is outside the [sequence], which has frames {first} to {last}")
+        scene = frames.scene(number)
+        job = frame_job(job, scene, number)
+        blurred = Shutter(frames.sequence, job, self._device, lambda _, instant: frames.scene(instant)).blurred(
+            number, scene, job
         )
+        return (blurred if blurred.moves else Session(scene, self._device)), job
 
 
 def _parsed(line: str) -> dict[str, Any] | None:

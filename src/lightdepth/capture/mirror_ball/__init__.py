@@ -1,0 +1,1 @@
+"""Photographs of a mirror ball to one HDR panorama around the ball."""

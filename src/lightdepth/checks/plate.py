@@ -1,0 +1,78 @@
+"""Does the plate of an ordinary camera show the same place in the same light as the panoramas?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from lightdepth.checks.problem import Problem, Severity
+from lightdepth.kernel.start import start
+from lightdepth.scene.model import Scene
+
+WORTH_A_WARNING, WORTH_A_HINT = 0.4, 0.2
+"""Shares of what the plate has in common with the panoramas that disagree."""
+
+
+@dataclass(frozen=True)
+class PlateReport:
+    """How the plate compares with the panoramas.
+
+    Attributes:
+        gain: what it shows over what the panoramas show of the same surface, per channel.
+        given: whether the scene file gave it.
+        shared: parts of the picture that were compared.
+        deviation: typical relative deviation of these, after the gain; nan where nothing is shared.
+        disagrees: share of these that differ by more than a quarter.
+        modelled: share of the picture that shows a real surface.
+        seen: share of the picture that shows what a panorama sees too.
+    """
+
+    gain: tuple[float, float, float]
+    given: bool
+    shared: int
+    deviation: float
+    disagrees: float
+    modelled: float
+    seen: float
+
+
+def compare_plate(scene: Scene) -> tuple[list[Problem], PlateReport | None]:
+    """Compare the plate with the panoramas; nothing where there is none, or no model of the place."""
+    plate = scene.plate
+    if plate is None or not scene.real or not all(each.radiance.size for each in scene.panoramas):
+        return [], None
+    start()
+    from lightdepth.place.place import Place
+    from lightdepth.place.real_surfaces import merge_real_surfaces
+    from lightdepth.place.traced_surfaces import TracedSurfaces
+    from lightdepth.preparation.plate import plate_name
+    from lightdepth.recovery.gains import solve_gains
+    from lightdepth.recovery.plate_gain import solve_plate_gain
+
+    modelled = merge_real_surfaces(scene.real)
+    surfaces = TracedSurfaces(replace(modelled, vertices=modelled.rest))
+    place = Place(scene.panoramas, surfaces, gains=solve_gains(scene.panoramas, surfaces).gains)
+    balance = solve_plate_gain(plate.radiance, scene.cameras[plate.camera], place, plate.gain)
+    if balance.problem is not None:
+        return [Problem(Severity.ERROR, f"{plate_name(scene)}: {balance.problem}")], None
+    red, green, blue = balance.gain.tolist()
+    report = PlateReport(
+        (red, green, blue),
+        plate.gain is not None,
+        balance.shared,
+        balance.deviation,
+        balance.disagrees,
+        balance.modelled,
+        balance.seen,
+    )
+    problems = []
+    if balance.disagrees > WORTH_A_HINT:
+        severity = Severity.WARNING if balance.disagrees > WORTH_A_WARNING else Severity.HINT
+        problems.append(
+            Problem(
+                severity,
+                f"{plate_name(scene)}: {100.0 * balance.disagrees:.0f} % of what it shares with a panorama differs by more "
+                f"than a quarter after the gain {red:.3g} {green:.3g} {blue:.3g}; look at the camera (the model must lie "
+                "on the picture), at the gain, and at what moved or changed its light between the two",
+            )
+        )
+    return problems, report

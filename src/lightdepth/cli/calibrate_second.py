@@ -1,0 +1,247 @@
+"""`lightdepth calibrate second`: the pose of a further panorama of a place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from lightdepth.calibration.relative_pose import RelativePose, SharedPoints
+    from lightdepth.scene.model import Scene
+
+
+def second(
+    panorama: Annotated[Path, typer.Argument(help="The second panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
+    scene: Annotated[Path, typer.Option(help="Scene file whose first panorama has its pose already.")],
+    match: Annotated[
+        list[str] | None,
+        typer.Option(
+            help='A point that both show: "x,y = u,v", pixels of the first panorama and of the second. Repeat it.',
+            metavar="POINT=POINT",
+        ),
+    ] = None,
+    floor_match: Annotated[
+        list[str] | None,
+        typer.Option(help="The same, of a point on the floor (z = 0), which needs no model.", metavar="POINT=POINT"),
+    ] = None,
+    auto: Annotated[bool, typer.Option("--auto", help="Find shared points by features.")] = False,
+    baseline: Annotated[
+        float | None,
+        typer.Option(min=1e-3, help="Distance between the two capture points, where no surface gives it.", metavar="M"),
+    ] = None,
+    click_error: Annotated[
+        float, typer.Option(min=1e-3, help="How far clicks may be off (standard deviation), pixels of the panorama.")
+    ] = 1.0,
+    write: Annotated[
+        Path | None,
+        typer.Option(
+            help="Scene file to write the pose into, as a further [[panorama]]; the rest stays.", metavar="SCENE"
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Check picture (.png): both panoramas with epipolar lines.", metavar="PNG")
+    ] = None,
+    json_output: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
+) -> None:
+    """Relate a second panorama to the first: its rotation and position in the same world.
+
+    Click points that both panoramas show: four or more on modelled surfaces or on
+    the floor, or eight anywhere and the distance between the tripods; or let
+    features find them. Level and scale are those of the first panorama.
+
+    lightdepth calibrate second kitchen.exr --scene flat.toml
+    --match "812,655 = 3020,1401" --match "1204,700 = 2511,1180"
+    --match "640,811 = 3410,1500" --match "990,420 = 2790,700"
+    --write flat.toml --picture check.png
+
+    lightdepth calibrate second kitchen.exr --scene flat.toml --auto --write flat.toml --picture check.png
+    """
+    import math
+
+    from lightdepth.calibration.epipolar_picture import draw_epipolar_picture
+    from lightdepth.calibration.relative_pose import relate
+    from lightdepth.calibration.scene_file import write_further_pose
+    from lightdepth.errors import InputError
+    from lightdepth.images.panorama_file import read_panorama
+    from lightdepth.images.png import write_png
+    from lightdepth.images.validation import validate_panorama
+    from lightdepth.images.writing import check_writable
+    from lightdepth.scene.load import load_scene
+
+    if picture is not None:
+        if picture.suffix.lower() != ".png":
+            raise InputError(f"--picture {picture}: the check picture is a .png file")
+        check_writable(picture)
+    if write is not None:
+        check_writable(write)
+    if auto == bool(match or floor_match):
+        raise InputError("give either shared points (--match, --floor-match), or --auto")
+    loaded = load_scene(scene)
+    image = read_panorama(panorama)
+    radiance = validate_panorama(image.radiance, panorama, repair=True)
+    degrees = click_error * 360.0 / min(radiance.shape[1], loaded.panorama.radiance.shape[1])
+    if auto:
+        points, pose, matched = _by_features(loaded, radiance, panorama, baseline)
+    else:
+        points = _clicked(loaded, radiance.shape[:2], match or [], floor_match or [], baseline, math.radians(degrees))
+        pose, matched = relate(points), None
+    report = _report(points, pose, matched)
+    report["warnings"] += list(image.notes)
+    if pose.position_error > 0.05 * max(report["baseline"], 1e-6):
+        report["warnings"].append(
+            f"the position is only known to about {100.0 * pose.position_error:.0f} cm: add near points all around"
+        )
+    if write is not None:
+        write_further_pose(write, panorama, report["rotation"], report["position"])
+    if picture is not None:
+        write_png(
+            picture, draw_epipolar_picture(loaded.panorama.radiance, radiance, loaded.panorama.rotation, points, pose)
+        )
+    _print(report, json_output)
+
+
+def _clicked(
+    loaded: Scene,
+    size: tuple[int, int],
+    matches: list[str],
+    floor_matches: list[str],
+    baseline: float | None,
+    click_error: float,
+) -> SharedPoints:
+    import numpy as np
+
+    from lightdepth.calibration.clicks import read_clicks
+    from lightdepth.calibration.relative_pose import SharedPoints
+    from lightdepth.errors import InputError
+    from lightdepth.scene.spot import find_spot
+
+    first = loaded.panorama
+    names, ones, others, places, cosines = [], [], [], [], []
+    for option, texts in (("--match", matches), ("--floor-match", floor_matches)):
+        for number, text in enumerate(texts, start=1):
+            name = f"{option} {number}"
+            here, equals, there = text.partition("=")
+            if not equals:
+                raise InputError(
+                    f"{name}: '{text}' is not understood; write \"x,y = u,v\": pixels of the first panorama and the second"
+                )
+            one = read_clicks(here, first.radiance.shape[:2], f"{name}, first panorama", 1)[0]
+            others.append(read_clicks(there, size, f"{name}, second panorama", 1)[0])
+            ray = first.rotation @ one
+            if option == "--floor-match":
+                if ray[2] > -0.01 or first.position[2] <= 0.0:
+                    raise InputError(f"{name}: {here.strip()} is not below the horizon of the first panorama")
+                places.append(first.position - ray * first.position[2] / ray[2])
+                cosines.append(-float(ray[2]))
+            else:
+                spot = find_spot(first, loaded.real, one)
+                places.append(np.full(3, np.nan) if spot is None else spot.point)
+                cosines.append(1.0 if spot is None else abs(float(ray @ spot.normal)))
+            names.append(name)
+            ones.append(ray)
+    shown = np.array(ones), np.array(others), np.array(places)
+    return SharedPoints(tuple(names), *shown, first.position, click_error, baseline, np.array(cosines))
+
+
+def _by_features(
+    loaded: Scene, radiance: Any, panorama: Path, baseline: float | None
+) -> tuple[SharedPoints, RelativePose, int]:
+    """Shared points that agree, the pose, and how many features matched."""
+    import numpy as np
+
+    from lightdepth.calibration.feature_matches import shared_features
+    from lightdepth.calibration.relative_pose import SharedPoints, check_enough, relate_robustly
+    from lightdepth.errors import InputError
+    from lightdepth.kernel.raycasting import RayCaster
+
+    least, share, tolerance = 20, 0.25, 0.6
+    first = loaded.panorama
+    here, there = shared_features(first.radiance, radiance)
+    advice = "click shared points (--match) instead, or take a panorama between the two"
+    if len(here) < least:
+        raise InputError(
+            f"{panorama}: only {len(here)} features look alike in the two panoramas; {least} are needed: {advice}"
+        )
+    rays = here @ first.rotation.T
+    places = np.full_like(rays, np.nan)
+    if loaded.real:
+        caster = RayCaster([surface.mesh for surface in loaded.real])
+        origins = np.repeat(first.position[None], len(rays), axis=0)
+        distance = np.asarray(caster.cast(origins, rays).distance, np.float64)
+        met = np.isfinite(distance)
+        places[met] = origins[met] + rays[met] * distance[met, None]
+    names = tuple(f"feature {number}" for number in range(1, len(here) + 1))
+    points = SharedPoints(names, rays, there, places, first.position, np.radians(0.15), baseline)
+    check_enough(points)
+    pose, agree = relate_robustly(points, np.radians(tolerance))
+    count = int(agree.sum())
+    if pose is None or count < max(least, share * len(here)):
+        raise InputError(
+            f"{panorama}: of {len(here)} features that look alike, {count} agree on a pose within {tolerance} degrees; "
+            f"{max(least, int(np.ceil(share * len(here))))} are needed, as fewer agree by chance: {advice}"
+        )
+    return points.some(agree), pose, len(here)
+
+
+def _report(points: SharedPoints, pose: RelativePose, matched: int | None) -> dict[str, Any]:
+    """The result as plain numbers: what ``--json`` prints."""
+    import numpy as np
+
+    from lightdepth.directions import rotation_to_euler
+
+    def rounded(values: Any, decimals: int = 5) -> list[float]:
+        return [round(float(value), decimals) + 0.0 for value in values]
+
+    degrees = np.degrees(pose.residuals)
+    return {
+        "rotation": rounded(rotation_to_euler(pose.rotation)),
+        "position": rounded(pose.position),
+        "baseline": round(float(np.linalg.norm(pose.position - points.origin)), 5),
+        "points": len(points.names),
+        "on_surfaces": int(points.placed.sum()),
+        "matched": matched,
+        "residual_degrees": round(float(np.sqrt(np.mean(degrees**2))), 4),
+        "residual_centimetres": round(float(np.sqrt(np.mean(pose.centimetres**2))), 3),
+        "residuals": {
+            name: [round(float(angle), 4), round(float(length), 3)]
+            for name, angle, length in zip(points.names, degrees, pose.centimetres, strict=True)
+        },
+        "direction_error": round(pose.direction_error, 4),
+        "position_error": round(pose.position_error, 4),
+        "warnings": [],
+    }
+
+
+def _print(report: dict[str, Any], as_json: bool) -> None:
+    import json
+
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.table import Table
+
+    if as_json:
+        typer.echo(json.dumps(report))
+        return
+    table = Table(show_header=False, box=None, pad_edge=False)
+
+    def numbers(values: list[float]) -> str:
+        return "  ".join(f"{value:.3f}" for value in values)
+
+    table.add_row("rotation", numbers(report["rotation"]), f"degrees, XYZ Euler, +-{report['direction_error']:.2f}")
+    table.add_row("position", numbers(report["position"]), f"metres, world, +-{report['position_error']:.3f}")
+    table.add_row("baseline", f"{report['baseline']:.3f}", "metres from the first capture point")
+    found = "" if report["matched"] is None else f" of {report['matched']} features that look alike"
+    table.add_row("points", f"{report['points']}", f"{report['on_surfaces']} on surfaces{found}")
+    table.add_row(
+        "residual",
+        f"{report['residual_degrees']:.3f}",
+        f"degrees, {report['residual_centimetres']:.1f} cm, root mean square",
+    )
+    if report["matched"] is None:
+        for name, (angle, length) in report["residuals"].items():
+            table.add_row(f"  {name}", f"{angle:.3f}", f"degrees, {length:.1f} cm")
+    Console(highlight=False).print(table)
+    for warning in report["warnings"]:
+        Console(stderr=True, soft_wrap=True, highlight=False).print(f"[yellow]warning:[/] {escape(warning)}")

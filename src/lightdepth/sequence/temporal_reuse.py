@@ -1,0 +1,263 @@
+"""Temporal reuse: what other frames of a shot found on the surfaces that a frame shows.
+
+The change of matte support does not depend on the camera. So where nothing moves, every frame that sees a point of it
+estimates the same, and a frame may be the mean of the samples of several. Each pixel is reprojected into the other frames
+by the position of what it shows, and takes from there what does not depend on its texture: the change relative to the
+photograph. A sample is resampled once, straight from the frame that took it, so that nothing smears with time, and a frame
+depends on those around it alone, whoever renders them.
+
+Where the scenes of two frames differ, something may have moved: what differs there by more than noise is rejected, as are
+all frames beyond, in the same direction of time. So are objects treated, whose radiance may depend on the camera.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import cv2
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+
+from lightdepth.cameras import Viewpoint
+from lightdepth.film.frame import Frame
+from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.start import DEVICE_LOCK
+from lightdepth.parameters.film import DEFAULT
+
+MOST_COVERAGE = 0.75
+"""Of a pixel by objects; what is left of it tells little of the support."""
+LEAST_ALBEDO = 0.02
+"""By which an object's radiance is divided; what is darker shows what it mirrors."""
+DARK = 1e-4
+"""Radiance relative to the photograph's median below which a relative change means nothing."""
+PLANE = 0.1
+"""Distance from the plane of a pixel's surface at which others still show the same one, in pixels there."""
+SAME_NORMAL = 0.9
+"""Cosine between the normals of two pixels that show the same surface."""
+FEWEST_TAPS = 0.5
+"""Share of the four pixels around a point, by their weight, that must show its surface."""
+WINDOWS = (1, 3, 9)
+"""Sides of the squares of pixels over which differences are tested: for edges, and for what is faint."""
+REJECTED = 9.0
+"""Squared differences above this many times their variance are no noise;"""
+AROUND = 5
+"""nothing within a square of so many pixels is taken over: where edges have moved, some pixels agree by chance."""
+MIRRORING = 0.2
+"""Share of an object's pixels that are rejected above which it mirrors too much for the rest to be believed."""
+
+
+@dataclass(frozen=True)
+class SampledFrame:
+    """A frame as its samples alone give it.
+
+    Attributes:
+        frame: with the layers depth, normal, support, variance and samples; not denoised.
+        view: the camera.
+        scene: digest of the scene: where those of two frames are equal, nothing has moved.
+    """
+
+    frame: Frame
+    view: Viewpoint
+    scene: str
+
+    @cached_property
+    def light(self) -> _Light:
+        """What it found."""
+        return _Light.of(self.frame)
+
+
+@dataclass(frozen=True)
+class _Light:
+    """What a frame found on surfaces: on matte support the change, on objects the radiance.
+
+    Attributes:
+        relative: the change over the photograph, or the radiance over the albedo, in which textures cancel, shape (height,
+            width, 3), float32.
+        variance: of that, likewise.
+        weight: samples that it is the mean of, shape (height, width), float32; 0 where it is not known.
+        scale: what it is relative to, shape (height, width, 3).
+        surface: 0 for none, 1 for support, and above 1 the objects, shape (height, width), uint32.
+    """
+
+    relative: NDArray[np.float32]
+    variance: NDArray[np.float32]
+    weight: NDArray[np.float32]
+    scale: NDArray[np.float32]
+    surface: NDArray[np.uint32]
+
+    @classmethod
+    def of(cls, frame: Frame) -> _Light:
+        assert frame.support is not None
+        assert frame.object_id is not None
+        assert frame.albedo is not None
+        assert frame.samples is not None
+        assert frame.variance is not None
+        left = 1.0 - frame.coverage
+        before = frame.plate * left[..., None]
+        support = frame.support & (frame.coverage <= MOST_COVERAGE)
+        support &= before.min(axis=2) > DARK * np.median(frame.plate[::4, ::4])
+        covered = (frame.object_id > 0) & (frame.coverage == 1.0)
+        surface = np.where(support, 1, np.where(covered, frame.object_id + 1, 0)).astype(np.uint32)
+        weight = np.where(support, frame.samples * left, np.where(covered, frame.samples, 0)).astype(np.float32)
+        scale = np.where(covered[..., None], np.maximum(frame.albedo, LEAST_ALBEDO), before).astype(np.float32)
+        divisor = np.where((surface > 0)[..., None], scale, np.float32(np.inf)).astype(np.float32)
+        relative = np.where(covered[..., None], frame.synthetic, frame.change) / divisor
+        variance = frame.variance / np.square(divisor)
+        return cls(relative.astype(np.float32), variance.astype(np.float32), weight, scale, surface)
+
+
+def reuse(frame: Frame, mine: SampledFrame, sides: Iterable[Iterable[SampledFrame]]) -> Frame:
+    """A frame with the samples of those around it.
+
+    Args:
+        frame: with all its layers.
+        mine: the same frame with what it found.
+        sides: other frames of the same shot: those before and those after it, the nearest first.
+
+    Returns:
+        ``frame`` with other ``change``, ``synthetic`` and ``variance``, and the error that follows.
+    """
+    own = mine.light
+    rows, columns = np.nonzero(own.weight)
+    if not len(rows):
+        return frame
+    total = own.relative * own.weight[..., None]
+    variance = own.variance * np.square(own.weight)[..., None]
+    weight = own.weight.copy()
+    for side in sides:
+        trusted = np.ones(weight.shape, bool)
+        for other in side:
+            found = _seen_from(mine, other, rows, columns)
+            doubtful = own.surface > (1 if other.scene == mine.scene else 0)
+            trusted &= ~(doubtful & _differs(own, found))
+            counted = np.where(trusted, found.weight, np.float32(0.0))
+            total += found.relative * counted[..., None]
+            variance += found.variance * np.square(counted)[..., None]
+            weight += counted
+    divisor = np.where(weight > 0.0, weight, np.float32(1.0))[..., None]
+    mean = total / divisor * own.scale
+    support, objects = ((own.weight > 0.0) & kind for kind in (own.surface == 1, own.surface > 1))
+    # Where an object covers part of a pixel, its variance is not that of the change alone.
+    alone = (objects | (support & (frame.coverage == 0.0)))[..., None]
+    assert frame.variance is not None
+    result = replace(
+        frame,
+        change=np.where(support[..., None], mean, frame.change),
+        synthetic=np.where(objects[..., None], mean, frame.synthetic),
+        variance=np.where(alone, variance / np.square(divisor) * np.square(own.scale), frame.variance),
+        metadata=dict(frame.metadata),
+    )
+    # What all pixels share, the irradiance's error above all, stays.
+    shared = max(float(frame.metadata["error"]) ** 2 - _own_error(frame), 0.0)
+    result.metadata["error"] = f"{math.sqrt(shared + _own_error(result)):.5f}"
+    return result
+
+
+def _own_error(frame: Frame) -> float:
+    """Mean of the squared relative errors of the pixels from the noise of their samples."""
+    assert frame.samples is not None
+    assert frame.variance is not None
+    taken = frame.samples > 0
+    brightness = np.maximum(frame.beauty[taken].mean(axis=1), 0.0)
+    floor = DEFAULT.dark * np.median(frame.plate[taken].mean(axis=1)) + 1e-12
+    return float(np.mean(frame.variance[taken].mean(axis=1) / np.square(brightness + floor)))
+
+
+def _seen_from(
+    mine: SampledFrame, other: SampledFrame, rows: NDArray[np.integer], columns: NDArray[np.integer]
+) -> _Light:
+    """What another frame found at the points that some pixels of this one show."""
+    shape = mine.light.weight.shape
+    relative, variance = np.zeros((*shape, 3), np.float32), np.zeros((*shape, 3), np.float32)
+    weight = np.zeros(shape, np.float32)
+    with DEVICE_LOCK:
+        values, variances, weights = _looked_up(mine, other, rows, columns)
+    relative[rows, columns], variance[rows, columns], weight[rows, columns] = values, variances, weights
+    return _Light(relative, variance, weight, mine.light.scale, mine.light.surface)
+
+
+def _looked_up(
+    mine: SampledFrame, other: SampledFrame, rows: NDArray[np.integer], columns: NDArray[np.integer]
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Relative change, variance and weight that another frame gives some pixels."""
+    pixel = mi.UInt32(aligned(rows * mine.view.resolution[0] + columns, np.uint32))
+    here = _Surfaces(mine)
+    (point, normal, angle), which = here.at(pixel), here.which(pixel)
+    there = other.view.project(point, mi.Point2f(0.5))
+    width, height = other.view.resolution
+    x, y = there.film.x * width - 0.5, there.film.y * height - 0.5
+    left, top = dr.floor(x), dr.floor(y)
+    size = dr.norm(point - there.origin) * dr.sqrt(dr.maximum(there.solid_angle, angle))
+    surfaces = _Surfaces(other)
+    values, variances, samples = (
+        mi.Float(aligned(part)) for part in (other.light.relative, other.light.variance, other.light.weight)
+    )
+    total, noise = mi.Color3f(0.0), mi.Color3f(0.0)
+    weight, taps = mi.Float(0.0), mi.Float(0.0)
+    for right, below in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        column, row = dr.clip(left + right, 0, width - 1), dr.clip(top + below, 0, height - 1)
+        tap = mi.UInt32(row) * width + mi.UInt32(column)
+        beside, its_normal, _ = surfaces.at(tap)
+        taken = dr.gather(mi.Float, samples, tap, there.inside)
+        same = (taken > 0.0) & (surfaces.which(tap) == which) & (dr.abs(dr.dot(beside - point, normal)) < PLANE * size)
+        same &= dr.dot(normal, its_normal) > SAME_NORMAL
+        share = dr.select(same, (1.0 - dr.abs(x - left - right)) * (1.0 - dr.abs(y - top - below)), 0.0)
+        counted = share * taken
+        total += counted * dr.gather(mi.Color3f, values, tap, same)
+        # Not less than that of a single one: pixels side by side get shares of the same samples.
+        noise += counted * dr.gather(mi.Color3f, variances, tap, same)
+        weight += counted
+        taps += share
+    enough = taps > FEWEST_TAPS
+    scale = dr.select(enough, dr.rcp(dr.maximum(weight, 1e-20)), 0.0)
+    total, noise, weight = total * scale, noise * scale, dr.select(enough, weight, 0.0)
+    dr.eval(total, noise, weight)
+    return total.numpy().T, noise.numpy().T, weight.numpy()
+
+
+class _Surfaces:
+    """What the pixels of a frame show in their middle."""
+
+    def __init__(self, sampled: SampledFrame) -> None:
+        assert sampled.frame.depth is not None
+        assert sampled.frame.normal is not None
+        self._view = sampled.view
+        depth = np.where(np.isfinite(sampled.frame.depth), sampled.frame.depth, np.float32(0.0))
+        self._depth, self._normal = mi.Float(aligned(depth)), mi.Float(aligned(sampled.frame.normal))
+        self._which = mi.UInt32(aligned(sampled.light.surface, np.uint32))
+
+    def which(self, pixel: mi.UInt32) -> mi.UInt32:
+        """Which surface pixels show, as :class:`_Light` counts them."""
+        return dr.gather(mi.UInt32, self._which, pixel)
+
+    def at(self, pixel: mi.UInt32) -> tuple[mi.Point3f, mi.Vector3f, mi.Float]:
+        """Position, normal, and solid angle of pixels."""
+        width, _ = self._view.resolution
+        middle = mi.Point2f(0.5)
+        seen = self._view.pixel_rays(mi.Float(pixel % width), mi.Float(pixel // width), middle, middle)
+        normal = dr.gather(mi.Vector3f, self._normal, pixel)
+        return seen.ray(dr.gather(mi.Float, self._depth, pixel)), normal, seen.solid_angle
+
+
+def _differs(own: _Light, found: _Light) -> NDArray[np.bool_]:
+    """Where another frame found what noise does not explain, shape (height, width)."""
+    both = (own.weight > 0.0) & (found.weight > 0.0)
+    difference = np.where(both, (found.relative - own.relative).mean(axis=2), np.float32(0.0))
+    noise = np.where(both, (found.variance + own.variance).mean(axis=2), np.float32(0.0))
+    # That of a single pixel from few samples is unreliable, and may be nothing at all.
+    noise = np.maximum(noise, cv2.blur(noise, (3, 3)))
+    result = np.zeros(both.shape, bool)
+    for side in WINDOWS:
+        mean, expected = (cv2.blur(part, (side, side)) for part in (difference, noise))
+        # Means over the square times its area: the variance of a sum is the sum of the variances.
+        result |= np.square(mean) * side**2 > REJECTED * expected
+    result = cv2.dilate(result.astype(np.uint8), np.ones((AROUND, AROUND), np.uint8)) > 0
+    compared, rejected = (np.bincount(own.surface[part]) for part in (both, both & result))
+    mirroring = rejected > MIRRORING * compared[: len(rejected)]
+    mirroring[:2] = False  # Support mirrors nothing; its shadows move here and there.
+    return np.asarray(result | np.isin(own.surface, np.flatnonzero(mirroring)))

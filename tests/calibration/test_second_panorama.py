@@ -1,0 +1,152 @@
+"""A second panorama related to the first: clicked and found points in a box whose walls carry a known picture."""
+
+import json
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from lightdepth.calibration.relative_pose import SharedPoints, relate
+from lightdepth.cli.app import app
+from lightdepth.directions import direction_to_latlong, euler_rotation, pixel_directions, rotation_to_euler
+from lightdepth.errors import InputError
+from lightdepth.images.exr import ExrPart, write_exr
+from lightdepth.images.picture_file import read_picture
+from lightdepth.scene.load import load_scene
+from tests.support.mirror_ball import Box
+from tests.support.photography import room_panorama
+
+HALF, WIDTH = 1.5, 1024
+FIRST, SECOND = np.array([-0.5, -0.4, 0.1]), np.array([0.5, 0.5, 0.0])
+BASELINE = float(np.linalg.norm(SECOND - FIRST))
+TURNED, OTHER = euler_rotation([1.0, -2.0, 20.0]), euler_rotation([-3.0, 2.0, 130.0])
+LAMPS = np.array(
+    [[-0.9, -0.2, -1.5], [1.5, 0.3, 0.8], [0.2, 1.5, -0.4], [-1.5, 0.4, 0.2], [0.6, -1.5, 0.9], [0.1, 0.9, 1.5]]
+)
+"""Points on the walls."""
+
+
+def run(*arguments):
+    result = CliRunner().invoke(app, ["calibrate", "second", *(str(argument) for argument in arguments)])
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result
+
+
+def write(path, radiance):
+    write_exr(path, [ExrPart({name: radiance[..., index] for index, name in enumerate("RGB")}, "", {})])
+    return path
+
+
+def seen(box, position, rotation):
+    """The box as a panorama."""
+    directions = pixel_directions(WIDTH // 2, WIDTH) @ rotation.T
+    return box.look(np.broadcast_to(position, directions.shape), directions).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """Folder with two panoramas of a box, one of another place, and a scene file with the first one's pose."""
+    folder = tmp_path_factory.mktemp("place")
+    box = Box(np.minimum(room_panorama(512), 4.0), HALF)
+    write(folder / "hall.exr", seen(box, FIRST, TURNED))
+    write(folder / "kitchen.exr", 0.5 * seen(box, SECOND, OTHER))
+    write(folder / "elsewhere.exr", seen(Box(room_panorama(256, seed=9), HALF), SECOND, OTHER))
+    corners = np.array([[x, y, z] for z in (-HALF, HALF) for y in (-HALF, HALF) for x in (-HALF, HALF)])
+    faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    lines = [f"v {x} {y} {z}" for x, y, z in corners]
+    lines += ["f " + " ".join(str(index + 1) for index in face) for face in faces]
+    (folder / "box.obj").write_text("\n".join(lines) + "\n")
+    (folder / "box.toml").write_text(
+        f'[panorama]\nimage = "hall.exr"   # from the door\nposition = {FIRST.tolist()}\n'
+        f"rotation = {[float(angle) for angle in rotation_to_euler(TURNED)]}\n\n"
+        '[[real]]\nname = "box"\nmesh = "box.obj"\nrole = "environment"\n'
+    )
+    return folder
+
+
+def pixels(points, position, rotation):
+    u, v = direction_to_latlong((points - position) @ rotation)
+    return np.stack([u * WIDTH, v * WIDTH / 2], axis=-1)
+
+
+def clicks(points=LAMPS):
+    """Options for exact clicks."""
+    pairs = zip(pixels(points, FIRST, TURNED), pixels(points, SECOND, OTHER), strict=True)
+    return [word for one, other in pairs for word in ("--match", f"{one[0]},{one[1]} = {other[0]},{other[1]}")]
+
+
+def angle(one, other):
+    return np.degrees(np.arccos(np.clip((np.trace(one @ other.T) - 1.0) / 2.0, -1.0, 1.0)))
+
+
+def errors(report):
+    rotation, position = euler_rotation(report["rotation"]), np.array(report["position"])
+    return angle(rotation, OTHER), np.linalg.norm(position - SECOND) / BASELINE
+
+
+def test_clicks_give_the_pose(place, tmp_path):
+    scene = place / "clicked.toml"
+    scene.write_text((place / "box.toml").read_text())
+    picture = tmp_path / "check.png"
+    arguments = (place / "kitchen.exr", "--scene", scene, *clicks(), "--write", scene, "--picture", picture, "--json")
+    report = json.loads(run(*arguments).stdout)
+    assert errors(report)[0] < 0.01
+    assert errors(report)[1] < 1e-3
+    assert report["on_surfaces"] == len(LAMPS)
+    assert report["residual_centimetres"] < 0.1
+    assert "# from the door" in scene.read_text()
+    # Written once, and replaced when written again.
+    run(*arguments)
+    loaded = load_scene(scene)
+    assert len(loaded.panoramas) == 2
+    assert np.allclose(loaded.panorama.position, FIRST)
+    assert np.allclose(loaded.further[0].position, SECOND, atol=1e-3)
+    assert angle(loaded.further[0].rotation, OTHER) < 0.01
+    assert read_picture(picture).pixels.shape[1] == 1600
+
+
+@pytest.mark.parametrize("placed", [True, False])
+def test_imprecise_clicks(placed):
+    """Clicks of 3 pixels at 2048: the position within 5 % of the baseline; of unmodelled points by the known baseline."""
+    rng = np.random.default_rng(5)
+    misses = []
+    for _ in range(6):
+        points = rng.uniform(-HALF, HALF, (12, 3))
+        points[np.arange(12), rng.integers(0, 3, 12)] = HALF * rng.choice([-1.0, 1.0], 12)
+        noise = np.radians(3.0 * 360.0 / 2048.0)
+        one, other = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (points - FIRST, points - SECOND))
+        one, other = (way + noise * rng.normal(size=way.shape) for way in (one, other))
+        one, other = (way / np.linalg.norm(way, axis=1, keepdims=True) for way in (one, other))
+        reach = np.min((np.sign(one) * HALF - FIRST) / one, axis=1)
+        places = FIRST + one * reach[:, None] if placed else np.full_like(one, np.nan)
+        names = tuple(str(number) for number in range(12))
+        pose = relate(SharedPoints(names, one, other @ OTHER, places, FIRST, noise, None if placed else BASELINE))
+        misses.append((np.linalg.norm(pose.position - SECOND) / BASELINE, angle(pose.rotation, OTHER)))
+        assert angle(pose.rotation, OTHER) < 4.0 * pose.direction_error
+    assert np.median([miss for miss, _ in misses]) < 0.05
+
+
+def test_features_give_the_pose(place):
+    report = json.loads(run(place / "kitchen.exr", "--scene", place / "box.toml", "--auto", "--json").stdout)
+    assert errors(report)[0] < 0.1
+    assert errors(report)[1] < 0.01
+    assert report["points"] > 100
+
+
+@pytest.mark.parametrize(
+    ("panorama", "arguments", "words"),
+    [
+        ("kitchen.exr", ("--auto", "--match", "1,1 = 2,2"), "give either"),
+        ("kitchen.exr", ("--match", "1,1"), "--match 1: '1,1' is not understood"),
+        ("kitchen.exr", clicks(LAMPS[:3]), "3 shared points, 3 of them on modelled surfaces; 4 on modelled surfaces"),
+        ("kitchen.exr", (*clicks(), "--match", "100,250 = 900,100"), "without --match 7 they agree to 0.0"),
+        ("kitchen.exr", ("--floor-match", "100,100 = 5,5"), "not below the horizon"),
+        ("elsewhere.exr", ("--auto",), "look alike"),
+        ("hall.exr", (*clicks(), "--write", "SCENE"), "first panorama"),
+    ],
+)
+def test_bad_input(place, panorama, arguments, words):
+    arguments = [str(place / "box.toml") if word == "SCENE" else word for word in arguments]
+    with pytest.raises(InputError, match=words):
+        run(place / panorama, "--scene", place / "box.toml", *arguments)
