@@ -37,7 +37,7 @@ def second(
     write: Annotated[
         Path | None,
         typer.Option(
-            help="Scene file to write the pose into, as a further [[panorama]]; the rest stays.", metavar="SCENE"
+            help=r"Scene file to write the pose into, as a further [\[panorama]]; the rest stays.", metavar="SCENE"
         ),
     ] = None,
     picture: Annotated[
