@@ -160,7 +160,9 @@ def spliced(text: str, tables: list[dict[str, Any]]) -> str:
 
 def origin_of(document: Mapping[str, Any], settings) -> np.ndarray:
     """The origin of a scene file in Blender's world, shape (3,), from where both have the capture point."""
-    position = np.array(document.get("panorama", {}).get("position", (0.0, 0.0, 0.0)), np.float64)
+    panorama = document.get("panorama", {})
+    first = (panorama or [{}])[0] if isinstance(panorama, list) else panorama
+    position = np.array(first.get("position", (0.0, 0.0, 0.0)), np.float64)
     return np.round((np.array(capture_pose(settings).translation) - position) / FAR) * FAR + 0.0
 
 

@@ -88,14 +88,12 @@ def prepare_place(
     balance = solve_gains(scene.panoramas, traced)
     if balance.problem is not None:
         raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
-    empty = Place(
-        scene.panoramas,
-        traced,
-        infinite,
-        suns=scene.lights,
-        gains=balance.gains,
-        parameters=scene.render.parameters.place,
-    )
+
+    def place_with(surfaces: TracedSurfaces) -> Place:
+        tuned = scene.render.parameters.place
+        return Place(scene.panoramas, surfaces, infinite, suns=scene.lights, gains=balance.gains, parameters=tuned)
+
+    empty = place_with(traced)
     arrays = None if store is None else store.read(key)
     recovered = None if arrays is None else _unpacked(arrays, modelled)
     if recovered is None:
@@ -105,16 +103,7 @@ def prepare_place(
             store.write(key, _packed(recovered), str(scene.panorama.path or "made in memory"))
     real, errors = recovered.real, recovered.errors
     surfaces = TracedSurfaces(real)
-    place = empty.with_surfaces(surfaces)
-    if modelled.deformed:
-        place = Place(
-            scene.panoramas,
-            surfaces,
-            infinite,
-            suns=scene.lights,
-            gains=balance.gains,
-            parameters=scene.render.parameters.place,
-        )
+    place = place_with(surfaces) if modelled.deformed else empty.with_surfaces(surfaces)
     if recovered.mirrored:
         place = place.with_mirrored(recovered.mirrored, real.glosses)
     prepared = PreparedPlace(place, real, errors, balance.gains)
