@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +98,7 @@ def _check_values(path: Path, document: dict[str, Any]) -> None:
             raise InputError(f"{path}: not valid TOML: a whole number beyond 64 bits")
 
 
-def first_panorama(document: tomlkit.TOMLDocument) -> Any:
+def first_panorama(document: Mapping[str, Any]) -> Any:
     """The first ``[[panorama]]`` table of a scene file, or its ``[panorama]``; ``None`` where there is none."""
     panorama = document.get("panorama")
     return panorama[0] if isinstance(panorama, list) and panorama else panorama

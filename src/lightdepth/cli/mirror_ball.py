@@ -274,13 +274,15 @@ def _lights(grey: GreyBall, sun_diameter: float | None, height: int) -> list[dic
 def _write_lights(path: Path, panorama: Path, lights: list[dict[str, Any]]) -> None:
     import os
 
+    from lightdepth.images.writing import whole_file
     from lightdepth.lighting.scene_file import write_light
-    from lightdepth.toml_file import read_toml
+    from lightdepth.toml_file import first_panorama, read_toml
 
     if not path.exists():
         image = Path(os.path.relpath(panorama.resolve(), path.resolve().parent)).as_posix()
-        path.write_text(f'[panorama]\nimage = "{image}"\n')
-    table = read_toml(path)[1].get("panorama", {})
+        with whole_file(path) as temporary:
+            temporary.write_text(f'[panorama]\nimage = "{image}"\n')
+    table = first_panorama(read_toml(path)[1])
     scale = table.get("scale", 1.0) if isinstance(table, dict) else 1.0
     factor = float(scale) if isinstance(scale, int | float) else 1.0
     for number, light in enumerate(lights, start=1):

@@ -104,7 +104,7 @@ def write_scene(scene: Path, content: bytes) -> None:
 
 
 def _warn_of_another_pose(scene: Path, document: tomlkit.TOMLDocument, panorama: PosedPanorama) -> None:
-    table = document.get("panorama")
+    table = first_panorama(document)
     if not isinstance(table, dict) or "image" not in table:
         return
     pose = panorama.pose
