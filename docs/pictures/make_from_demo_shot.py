@@ -31,7 +31,7 @@ def main() -> None:
         append_images=others,
         duration=MILLISECONDS,
         loop=0,
-        quality=85,
+        quality=70,
         method=6,
     )
 
