@@ -1,17 +1,17 @@
 """Cameras of a scene file as Blender's, such as the lenses that `lightdepth calibrate view` has found."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import bpy
-from bpy_extras.io_utils import ImportHelper
+import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from .cameras import CAMERA_TURN, PROJECTIONS, panoramic
 from .picking import capture_pose
-from .reallights import LightFileError, origin_of, read_tables
+from .reallights import ImportsTables
 
 FISHEYES = {"equidistant": "FISHEYE_EQUIDISTANT", "equisolid": "FISHEYE_EQUISOLID"}
 _DEFAULT_FOV = {"perspective": 60.0, "fisheye": 180.0}
@@ -114,57 +114,34 @@ def _looking(direction: Vector) -> Matrix:
     return Matrix((right, forward, right.cross(forward))).transposed()
 
 
-class ImportCameras(bpy.types.Operator, ImportHelper):
+class ImportCameras(bpy.types.Operator, ImportsTables):
     """Take the cameras of a scene file over, with distortion and principal point; the first becomes the active one"""
 
     bl_idname = "lightdepth.import_cameras"
     bl_label = "Import Cameras"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
+    key, header = "camera", "[camera.NAME]"
 
-    filename_ext = ".toml"
-    filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
-
-    @classmethod
-    def poll(cls, context):
-        """There is a panorama with a capture point."""
-        settings = context.scene.lightdepth
-        return settings.image is not None and settings.capture is not None
-
-    def execute(self, context):
-        """Read the file, and make or change what stands for its cameras."""
-        path = Path(bpy.path.abspath(self.filepath))
-        try:
-            document = read_tables(path)
-            tables = document.get("camera", {})
-            if not tables:
-                raise LightFileError(f"{path} has no [camera.NAME]")
-            origin = Vector(origin_of(document, context.scene.lightdepth))
-            sizes = {}
-            for name, table in tables.items():
-                try:
-                    sizes[name] = show_camera(context, name, table, origin)
-                except CameraTableError as error:
-                    self.report({"WARNING"}, f"Camera '{name}': {error}")
-        except LightFileError as error:
-            self.report({"ERROR"}, str(error))
-            return {"CANCELLED"}
-        except (KeyError, TypeError, ValueError) as error:
-            self.report({"ERROR"}, f"{path}: its cameras cannot be read ({error}); `lightdepth check` says more")
-            return {"CANCELLED"}
+    def shown(self, context, tables, _folder: Path, origin: np.ndarray) -> Iterator[str]:
+        """Camera objects for the tables."""
+        sizes = {}
+        for name, table in tables.items():
+            try:
+                sizes[name] = show_camera(context, name, table, Vector(origin))
+            except CameraTableError as error:
+                yield f"Camera '{name}': {error}"
         if sizes:
-            self._activate(context.scene, sizes)
-        return {"FINISHED"}
+            yield from _activate(context.scene, sizes)
 
-    def _activate(self, scene, sizes: Mapping[str, tuple[int, int]]) -> None:
-        first, size = next(iter(sizes.items()))
-        scene.camera, render = scene.objects[first], scene.render
-        render.resolution_x, render.resolution_y = size
-        render.resolution_percentage, render.pixel_aspect_x, render.pixel_aspect_y = 100, 1.0, 1.0
-        others = [
-            f"'{name}' ({width} x {height})" for name, (width, height) in sizes.items() if (width, height) != size
-        ]
-        if others:
-            self.report({"WARNING"}, f"The resolution is that of '{first}'; other sizes: {', '.join(others)}")
+
+def _activate(scene, sizes: Mapping[str, tuple[int, int]]) -> Iterator[str]:
+    """Make the first camera the scene's, with its resolution; a note where others have another one."""
+    first, size = next(iter(sizes.items()))
+    scene.camera, render = scene.objects[first], scene.render
+    render.resolution_x, render.resolution_y = size
+    render.resolution_percentage, render.pixel_aspect_x, render.pixel_aspect_y = 100, 1.0, 1.0
+    others = [f"'{name}' ({width} x {height})" for name, (width, height) in sizes.items() if (width, height) != size]
+    if others:
+        yield f"The resolution is that of '{first}'; other sizes: {', '.join(others)}"
 
 
 classes = (ImportCameras,)

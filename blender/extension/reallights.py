@@ -166,12 +166,15 @@ def origin_of(document: Mapping[str, Any], settings) -> np.ndarray:
     return np.round((np.array(capture_pose(settings).translation) - position) / FAR) * FAR + 0.0
 
 
-class ImportLights(bpy.types.Operator, ImportHelper):
-    """Take the lights of a scene file over: suns as lamps marked real, clipped sources as entries"""
+class ImportsTables(ImportHelper):
+    """What takes tables of a scene file over; ``shown`` makes or changes what stands for them, and yields notes."""
 
-    bl_idname = "lightdepth.import_lights"
-    bl_label = "Import Lights"
     bl_options: ClassVar = {"REGISTER", "UNDO"}
+
+    key: str
+    """Of the tables in the file."""
+    header: str
+    """How the file writes them."""
 
     filename_ext = ".toml"
     filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
@@ -183,23 +186,34 @@ class ImportLights(bpy.types.Operator, ImportHelper):
         return settings.image is not None and settings.capture is not None
 
     def execute(self, context):
-        """Read the file, and make or change what stands for its lights."""
+        """Read the file, and show what its tables hold."""
         path = Path(bpy.path.abspath(self.filepath))
         try:
             document = read_tables(path)
-            tables = document.get("light", [])
+            tables = document.get(self.key)
             if not tables:
-                raise LightFileError(f"{path} has no [[light]]")
-            notes = show_lights(context, tables, path.parent, origin_of(document, context.scene.lightdepth))
+                raise LightFileError(f"{path} has no {self.header}")
+            for note in self.shown(context, tables, path.parent, origin_of(document, context.scene.lightdepth)):
+                self.report({"WARNING"}, note)
         except LightFileError as error:
             self.report({"ERROR"}, str(error))
             return {"CANCELLED"}
         except (KeyError, TypeError, ValueError) as error:
-            self.report({"ERROR"}, f"{path}: its lights cannot be read ({error}); `lightdepth check` says more")
+            self.report({"ERROR"}, f"{path}: its {self.key}s cannot be read ({error}); `lightdepth check` says more")
             return {"CANCELLED"}
-        for note in notes:
-            self.report({"WARNING"}, note)
         return {"FINISHED"}
+
+
+class ImportLights(bpy.types.Operator, ImportsTables):
+    """Take the lights of a scene file over: suns as lamps marked real, clipped sources as entries"""
+
+    bl_idname = "lightdepth.import_lights"
+    bl_label = "Import Lights"
+    key, header = "light", "[[light]]"
+
+    def shown(self, context, tables, folder: Path, origin: np.ndarray) -> Iterable[str]:
+        """Lamps and entries for the lights."""
+        return show_lights(context, tables, folder, origin)
 
 
 class WriteLights(bpy.types.Operator, ExportHelper):
