@@ -33,9 +33,7 @@ def write_pose(
         InputError: the file is missing, is not TOML, has no panorama with an image, or cannot be written.
     """
     document = read_document(scene) if image is None or scene.exists() else _begun(scene, image)
-    panorama = first_panorama(document)
-    if not isinstance(panorama, dict) or not isinstance(panorama.get("image"), str):
-        raise InputError(f"{scene}: has no [panorama] table with an image; write one, then calibrate")
+    panorama = _calibrated(scene, document)
     if position is not None:
         panorama["position"] = _numbers(position)
     if rotation is not None:
@@ -58,9 +56,7 @@ def write_further_pose(scene: Path, image: Path, rotation: Sequence[float], posi
         InputError: the file is missing, is not TOML, has no other panorama as its first, or cannot be written.
     """
     document = read_document(scene)
-    first = first_panorama(document)
-    if not isinstance(first, dict) or not isinstance(first.get("image"), str):
-        raise InputError(f"{scene}: has no [panorama] table with an image; write one, then calibrate")
+    _calibrated(scene, document)
     tables = document["panorama"]
     if not isinstance(tables, list):
         listed, table = tomlkit.aot(), tables
@@ -83,6 +79,14 @@ def write_further_pose(scene: Path, image: Path, rotation: Sequence[float], posi
     table["position"], table["rotation"] = _numbers(position), _numbers(rotation)
     with whole_file(scene) as temporary:
         temporary.write_bytes(document_bytes(document))
+
+
+def _calibrated(scene: Path, document: tomlkit.TOMLDocument) -> Any:
+    """The table of the first panorama, which names an image."""
+    panorama = first_panorama(document)
+    if not isinstance(panorama, dict) or not isinstance(panorama.get("image"), str):
+        raise InputError(f"{scene}: has no [panorama] table with an image; write one, then calibrate")
+    return panorama
 
 
 def write_camera(scene: Path, name: str, values: Mapping[str, Any]) -> None:

@@ -24,6 +24,7 @@ Output = Annotated[Path, typer.Option("-o", "--output", help="The EXR file to wr
 Exposures = Annotated[
     Path | None, typer.Option(help="CSV with the columns file, time, aperture, iso, in place of EXIF data.")
 ]
+Bracket = Annotated[int | None, typer.Option(min=1, help="Photographs in a bracket; found by default.")]
 ResponseFile = Annotated[Path | None, typer.Option(help="Use the camera response that --save-response wrote.")]
 SaveResponse = Annotated[Path | None, typer.Option(help="Write the camera response (JSON) for the next shoot.")]
 Report = Annotated[Path | None, typer.Option(help="Write the figures as JSON.")]
@@ -102,7 +103,7 @@ def stitch(
     ] = None,
     circle: CircleOption = None,
     exposures: Exposures = None,
-    bracket: Annotated[int | None, typer.Option(min=1, help="Photographs in a bracket; found by default.")] = None,
+    bracket: Bracket = None,
     response: ResponseFile = None,
     save_response: SaveResponse = None,
     align: Align = False,

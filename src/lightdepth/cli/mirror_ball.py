@@ -9,7 +9,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from lightdepth.cli.capture import Align, Deghost, Exposures, Output, Report, ResponseFile, SaveResponse, shown_progress
+from lightdepth.cli.capture import (
+    Align,
+    Bracket,
+    Deghost,
+    Exposures,
+    Output,
+    Report,
+    ResponseFile,
+    SaveResponse,
+    shown_progress,
+)
 from lightdepth.errors import InputError
 
 if TYPE_CHECKING:
@@ -82,7 +92,7 @@ def mirror_ball(
         Path | None, typer.Option(help="Put the clipped sources into this scene file; it is begun where it is missing.")
     ] = None,
     exposures: Exposures = None,
-    bracket: Annotated[int | None, typer.Option(min=1, help="Photographs in a bracket; found by default.")] = None,
+    bracket: Bracket = None,
     response: ResponseFile = None,
     save_response: SaveResponse = None,
     align: Align = False,

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.cryptomatte import Mattes
-from lightdepth.kernel.arrays import aligned, aligned_columns
+from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import Band, bands
 from lightdepth.kernel.sobol import sobol_points
 from lightdepth.kernel.tracing import first_hit
+from lightdepth.kernel.variables import as_vectors
 from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.preparation import Prepared
 
@@ -79,9 +80,7 @@ def render_auxiliary(
         middle = _shapes(prepared, found, seen.inside)
         distance = dr.select(seen.inside & found.is_valid(), found.t, dr.inf)
         dr.eval(middle, distance)  # At once: one by one would trace all rays again.
-        shown = (
-            None if picture is None else mi.Color3f(*map(mi.Float, aligned_columns(picture[band.rows].reshape(-1, 3))))
-        )
+        shown = None if picture is None else mi.Color3f(as_vectors(picture[band.rows].reshape(-1, 3)))
         shape[band.rows] = middle.numpy().reshape(band.shape)
         depth[band.rows] = distance.numpy().reshape(band.shape)
         mean_normal, mean_albedo = dr.zeros(mi.Vector3f, dr.width(band.row)), dr.zeros(mi.Color3f, dr.width(band.row))

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
-from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import Band
+from lightdepth.kernel.variables import as_vectors
 from lightdepth.parameters import film, recovery
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind
@@ -107,7 +107,7 @@ class Highlights:
                 )
             )
         shown = np.sum([share[:, None] * each for share, each in zip(shares, mirrored, strict=False)], axis=0)
-        here = mi.Color3f(*(mi.Float(aligned(channel)) for channel in shown.T))
+        here = mi.Color3f(as_vectors(shown))
         _, scale = reflectance(radiance, irradiance, here, typical, place.parameters)
         change = scale.numpy().T * (mirrored[-1] - shown)
         valid = seen.numpy()
