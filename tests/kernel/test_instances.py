@@ -151,12 +151,16 @@ def test_a_picture_is_that_of_the_expanded_mesh():
     frames = []
     for limit in (1, 1_000_000):
         parameters = Parameters(transport=TransportParameters(expanded_triangles=limit))
-        frames.append(
-            lightdepth.render(replace(scene, render=replace(scene.render, parameters=parameters)), "view", samples=4)
-        )
-    ours, theirs = (frame.beauty for frame in frames)
-    assert (frames[0].object_id == 2).mean() > 0.02
-    assert (frames[0].object_id == frames[1].object_id).mean() > 0.999
-    # The same random numbers: paths part where rounding decides.
-    assert (np.abs(ours - theirs).max(axis=2) < 1e-3 * theirs.mean()).mean() > 0.9
-    assert ours.mean() == pytest.approx(theirs.mean(), rel=2e-3)
+        changed = replace(scene, render=replace(scene.render, parameters=parameters))
+        frames.append(lightdepth.render(changed, "view", samples=64))
+    first, second = frames
+    assert (first.object_id == 2).mean() > 0.02
+    assert (first.object_id == second.object_id).mean() > 0.998
+    same = (first.object_id == second.object_id) & (first.object_id == 2)
+    np.testing.assert_allclose(first.depth[same], second.depth[same], rtol=1e-4)
+    # Spheres around instances are a little larger, and other random numbers follow.
+    for where in (first.object_id == 2, first.object_id == 0):
+        apart = (first.beauty - second.beauty).mean(axis=2)[where]
+        error = apart.std() / np.sqrt(apart.size)
+        assert abs(apart.mean()) < 4.0 * error
+        assert error < 0.004 * second.beauty[where].mean()
