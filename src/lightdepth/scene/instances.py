@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lightdepth.array_file import read_array
 from lightdepth.errors import InputError
 from lightdepth.quantities import FARTHEST
 from lightdepth.scene.meshes.geometry import COARSEST_STEP
 
 MOST_INSTANCES = 50_000_000
 FLATTEST = 1e-6
-"""Smallest thickness of an instance, relative to that of a ball of the same size."""
+"""Smallest volume that an instance gives to a cube of its size."""
 
 
 def read_instances(path: Path) -> NDArray[np.float64]:
@@ -28,14 +29,13 @@ def read_instances(path: Path) -> NDArray[np.float64]:
     Raises:
         InputError: the file is no such array, is empty, or has matrices that are not finite, too far or flat.
     """
-    try:
-        found = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: is no array in NumPy's format (.npy), or it is damaged") from error
-    if not isinstance(found, np.ndarray):
-        found.close()
-        raise InputError(f"{path}: holds several arrays (.npz); one is needed, in NumPy's format (.npy)")
-    if found.ndim != 3 or found.shape[1:] not in ((3, 4), (4, 4)) or found.dtype.kind != "f":
+    found = read_array(path)
+    if (
+        found.ndim != 3
+        or found.shape[1:] not in ((3, 4), (4, 4))
+        or found.dtype.kind != "f"
+        or found.itemsize not in (4, 8)
+    ):
         raise InputError(
             f"{path}: is an array of {found.dtype} of shape {found.shape}; instances are matrices of shape (n, 3, 4) or "
             "(n, 4, 4), float32 or float64"
@@ -43,7 +43,8 @@ def read_instances(path: Path) -> NDArray[np.float64]:
     if not 0 < len(found) <= MOST_INSTANCES:
         raise InputError(f"{path}: has {len(found)} instances; allowed are 1 to {MOST_INSTANCES}")
     matrices = np.tile(np.eye(4), (len(found), 1, 1))
-    matrices[:, : found.shape[1]] = found
+    with np.errstate(invalid="ignore"):  # signalling NaN
+        matrices[:, : found.shape[1]] = found
     _refuse(path, ~np.isfinite(matrices).all(axis=(1, 2)), "not finite")
     _refuse(path, (np.abs(matrices) > FARTHEST).any(axis=(1, 2)), f"beyond {FARTHEST:g}")
     _refuse(path, (matrices[:, 3] != [0.0, 0.0, 0.0, 1.0]).any(axis=1), "no affine maps: the last row must be 0 0 0 1")
@@ -67,9 +68,9 @@ def check_precision(
     Raises:
         InputError: some do.
     """
-    size = (np.abs(places[:, :3, :3]) @ (high - low)).max(axis=1)
-    reach = np.abs(places[:, :3, :3] @ (0.5 * (low + high)) + places[:, :3, 3]).max(axis=1) + 0.5 * size
-    with np.errstate(over="ignore"):
+    with np.errstate(over="ignore", invalid="ignore"):
+        size = (np.abs(places[:, :3, :3]) @ (high - low)).max(axis=1)
+        reach = np.abs(places[:, :3, :3] @ (0.5 * (low + high)) + places[:, :3, 3]).max(axis=1) + 0.5 * size
         step = np.spacing(reach.astype(np.float32)).astype(np.float64)
     _refuse(
         path,
