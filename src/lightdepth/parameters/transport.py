@@ -23,6 +23,8 @@ class TransportParameters:
             the view.
         glossy_share: of the other ones, that sample the specular lobe of a glossy surface.
         most_spheres: objects beyond this count share bounding spheres; each costs a test at each support vertex.
+        expanded_triangles: meshes that stand at many places become one mesh of at most this many triangles; beyond, each
+            stands once in memory, and rays take longer to find it.
         roulette_depth: scatterings before Russian roulette by throughput begins.
         largest_survival: probability with which a path goes on at most, so that none is endless.
         roulette_gain: between support surfaces, a path survives Russian roulette in proportion to the share of the
@@ -54,6 +56,7 @@ class TransportParameters:
     directed_share: Probability = 0.5
     glossy_share: Probability = 0.5
     most_spheres: Count = 6
+    expanded_triangles: Count = 500_000
     roulette_depth: Depth = 3
     largest_survival: Probability = 0.99
     roulette_gain: NotNegative = 6.0
