@@ -325,7 +325,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
         values = []
-        arriving = self.place.arriving(ray, hit, distance, wanted)
+        arriving = self.place.arriving(ray, hit, distance, wanted, arrived)
         counts = [last.weight_samples, *(mi.Float(1.0) for _ in self.place.suns)]
         for (radiance, pdf, finite), count, share in zip(arriving, counts, self.place.path_shares, strict=True):
             value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
