@@ -53,11 +53,16 @@ def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> N
 
 
 @app.command()
-def captures(quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False) -> None:
-    """One, two and three captures of the L-shaped room, and a camera that travels through it."""
+def captures(
+    place: Annotated[list[str] | None, typer.Option(help="The places to measure; all by default. Repeat it.")] = None,
+    quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False,
+) -> None:
+    """One, two and three captures of a room, and a camera that travels through it."""
+    from bench.captures import JOURNEYS
     from bench.captures import captures as measure
 
-    _print_table(measure(quick, console))
+    for table in measure(place or list(JOURNEYS), quick, console):
+        _print_table(table)
 
 
 @app.command()

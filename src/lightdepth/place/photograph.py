@@ -175,7 +175,7 @@ class Photograph(Photographed):
         return self._to_light @ seen, dr.select(hit.valid, distance, dr.inf)
 
     def arriving(
-        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool, kept: mi.Bool | bool = False
     ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
         """``M(q)`` and its density ``p_x(w)``: the theory's eq. (8), 0 where the capture point does not see ``q``."""
         radiance, pdf = self._seen(hit, ray.d, distance, active)

@@ -56,10 +56,10 @@ class Method(Protocol):
 
 
 def _difference(scene: Scene, store: Store | None = None, infinite: bool = False) -> Prepared:
-    if any(surface.removed for surface in scene.real):
-        _check_removal(scene, infinite)
+    if infinite:
+        _check_nothing_is_removed(scene, "directional")
     prepared, objects = prepare_place(scene, infinite, store), prepare_objects(scene)
-    surfaces = prepared.place.surfaces.with_synthetic([shape for _, shape in objects.shapes], objects.removed)
+    surfaces = prepared.place.surfaces.with_synthetic(objects.shapes, objects.removed)
     place = with_plate(prepared.place.with_surfaces(surfaces), scene, prepared)
     settings = scene.render
     # Compiling the kernel of light tracing takes longer than a draft's noise is worth.
@@ -76,16 +76,16 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
     )
     spheres = [] if objects.bounds is None else objects.bounds.spheres
     irradiance = prepared.errors.report(spheres)
-    return Prepared(place, surfaces, integrator, objects.shapes, irradiance, prepared.gains, prepared.plates)
+    return Prepared(place, surfaces, integrator, objects.shapes.numbered, irradiance, prepared.gains, prepared.plates)
 
 
-def _check_removal(scene: Scene, infinite: bool) -> None:
-    name = next(surface.name for surface in scene.real if surface.removed)
-    where = f'{scene.path or "scene"}: [[real]] "{name}": removed = true'
-    if infinite:
-        raise InputError(f"{where} needs method 'difference', which knows where things are")
-    if scene.lights:
-        raise InputError(f"{where} and [[light]] '{scene.lights[0].name}' cannot be together yet; give one of them up")
+def _check_nothing_is_removed(scene: Scene, method: str) -> None:
+    """Refuse what needs to know where things are, and which of two places a path is in."""
+    removed = next((surface.name for surface in scene.real if surface.removed), None)
+    if removed is not None:
+        raise InputError(
+            f"{scene.path or 'scene'}: [[real]] \"{removed}\": method '{method}' cannot remove a surface; use 'difference'"
+        )
 
 
 def _directional(scene: Scene, store: Store | None = None) -> Prepared:
@@ -106,19 +106,18 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
         raise InputError(
             f"{scene.path or 'scene'}: method 'envpath' cannot use a [plate]; use 'difference' or 'directional'"
         )
-    if any(surface.removed for surface in scene.real):
-        raise InputError(f"{scene.path or 'scene'}: method 'envpath' removes nothing; use 'difference'")
+    _check_nothing_is_removed(scene, "envpath")
     modelled = merge_real_surfaces(modelled_surfaces(scene))
     objects = prepare_objects(scene)
     real = support_with_scale_factors(scene, modelled)
-    surfaces = TracedSurfaces(real, [shape for _, shape in objects.shapes])
+    surfaces = TracedSurfaces(real, objects.shapes)
     place = Place(scene.panorama, surfaces, alone=True, parameters=scene.render.parameters.place)
     settings = scene.render
     integrator = EnvpathIntegrator(
         place, surfaces, scene.panorama, objects.bounds, settings.max_bounces, settings.parameters.transport
     )
     return Prepared(
-        place, surfaces, integrator, objects.shapes, IrradianceReport(len(real.vertices), math.nan, math.nan)
+        place, surfaces, integrator, objects.shapes.numbered, IrradianceReport(len(real.vertices), math.nan, math.nan)
     )
 
 

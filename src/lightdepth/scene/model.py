@@ -123,10 +123,18 @@ class SunLight:
 
 @dataclass(frozen=True)
 class SyntheticPart:
-    """Geometry with one material."""
+    """Geometry with one material.
+
+    Attributes:
+        geometry: in world space, or what stands at ``places``, a mesh then.
+        material: of all of it.
+        places: a matrix for each place where the geometry stands, from its coordinates to the world, shape (k, 4, 4),
+            float64, of determinants above 0; ``None`` where it stands once, in world space.
+    """
 
     geometry: Mesh | AnalyticShape
     material: Material
+    places: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)

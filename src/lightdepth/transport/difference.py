@@ -18,7 +18,7 @@ from functools import reduce
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.tracing import first_hit
+from lightdepth.kernel.tracing import first_hit, interaction
 from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import Cones, ObjectBounds
@@ -140,7 +140,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         on_removed = on_synthetic & self.surfaces.is_removed(found)
         hit = self.surfaces.real_hit(ray, found, on_real)
         on_relit = on_real & (hit.kind == int(FaceKind.RELIT))
-        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        si = interaction(self.surfaces.all, found, ray, on_synthetic)
 
         # What the place sends along the ray: added by eq. (3) at real surfaces, subtracted by eq. (4) where a new
         # surface stands before them and the last scattering was on support.
@@ -278,7 +278,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
-        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        si = interaction(self.surfaces.all, found, ray, on_synthetic)
         on_support = on_real & self.surfaces.scatters(hit) & (dr.dot(hit.normal, ray.d) < 0.0)
         in_difference = on_support & (hit.kind != int(FaceKind.RELIT))
         rho, specular_scale = self._reflectance(hit, ray.d, on_support)
@@ -325,7 +325,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
         values = []
-        arriving = self.place.arriving(ray, hit, distance, wanted)
+        arriving = self.place.arriving(ray, hit, distance, wanted, arrived)
         counts = [last.weight_samples, *(mi.Float(1.0) for _ in self.place.suns)]
         for (radiance, pdf, finite), count, share in zip(arriving, counts, self.place.path_shares, strict=True):
             value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
@@ -375,12 +375,12 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         depth: mi.UInt32,
     ) -> mi.Color3f:
         """Light that synthetic surfaces emit along the ray."""
-        emitter = si.emitter(self.surfaces.all, on_synthetic)
+        emitter = si.emitter(self.surfaces.emitting, on_synthetic)
         shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
         reference = dr.zeros(mi.Interaction3f)
         reference.p = last.point
-        sampled = mi.DirectionSample3f(self.surfaces.all, si, reference)
-        pdf = self.surfaces.all.pdf_emitter_direction(reference, sampled, shines & ~first)
+        sampled = mi.DirectionSample3f(self.surfaces.emitting, si, reference)
+        pdf = self.surfaces.emitting.pdf_emitter_direction(reference, sampled, shines & ~first)
         weight = dr.select(first, 1.0, mis_weight(last.pdf, pdf * (1.0 - self.light_sampling.map_share)))
         return dr.select(shines, self._clamped(emitter.eval(si, shines) * weight, depth), 0.0)
 
