@@ -105,6 +105,14 @@ def is_polished(shape: mi.Shape) -> bool:
     return any(mi.has_flag(shape.bsdf().flags(), kind) for kind in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Delta))
 
 
+def mesh_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray] | None:
+    """Vertices, shape (n, 3), world, metres, and faces, shape (m, 3), of a mesh; ``None`` of another shape."""
+    if not isinstance(shape, mi.Mesh):
+        return None
+    vertices = shape.vertex_position(dr.arange(mi.UInt32, shape.vertex_count())).numpy().T
+    return vertices, shape.face_indices(dr.arange(mi.UInt32, shape.face_count())).numpy().T
+
+
 def enclosing_sphere(shape: mi.Shape) -> tuple[np.ndarray, float]:
     """A sphere around a shape: centre of its bounding box, shape (3,), world, and radius, both in metres."""
     box = shape.bbox()
