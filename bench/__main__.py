@@ -114,10 +114,14 @@ def truth(
 
 @app.command()
 def gloss(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> None:
-    """A polished floor from a camera elsewhere, with and without its gloss; print the errors."""
+    """A polished floor from a camera elsewhere, with and without its gloss; the errors are printed and kept."""
     from bench.gloss import table
+    from bench.missing_light import keep
 
-    _print_table(table(quick, console))
+    measured = table(quick, console)
+    if not quick:
+        keep("gloss", [measured])
+    _print_table(measured)
 
 
 @app.command()

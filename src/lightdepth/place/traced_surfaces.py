@@ -6,7 +6,7 @@ What is removed is there before the change, and not afterwards: it is in ``real`
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, fields
 
@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.materials import Materials, registered
-from lightdepth.kernel.shapes import mesh_shape
-from lightdepth.kernel.tracing import first_hit
+from lightdepth.kernel.shapes import SyntheticShapes, mesh_shape
+from lightdepth.kernel.tracing import Instances, Traced, WithInstances, first_hit
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
 from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Mesh
@@ -69,10 +69,13 @@ class TracedSurfaces:
         blockers: the real surfaces that are no openings.
         kept_blockers: these without what is removed.
         kept: the real surfaces that are not removed.
-        shown: these and the synthetic ones.
+        synthetic: the synthetic surfaces.
+        all: both together.
+        emitting: the same without instances, which give no light.
+        shown: those that are kept and the synthetic ones.
     """
 
-    def __init__(self, surfaces: RealSurfaces, shapes: Sequence[mi.Shape] = ()) -> None:
+    def __init__(self, surfaces: RealSurfaces, shapes: SyntheticShapes | None = None) -> None:
         self.has_real = len(surfaces.faces) > 0
         self.deformed = surfaces.deformed
         self.kinds = frozenset(FaceKind(int(kind)) for kind in np.unique(surfaces.kind))
@@ -97,7 +100,7 @@ class TracedSurfaces:
         self._fill_tables(surfaces)
         self._add_synthetic(shapes, None)
 
-    def with_synthetic(self, shapes: Sequence[mi.Shape], removed: mi.Shape | None = None) -> TracedSurfaces:
+    def with_synthetic(self, shapes: SyntheticShapes, removed: mi.Shape | None = None) -> TracedSurfaces:
         """The same real surfaces with these synthetic shapes.
 
         Args:
@@ -108,16 +111,19 @@ class TracedSurfaces:
         traced._add_synthetic(shapes, removed)
         return traced
 
-    def _add_synthetic(self, shapes: Sequence[mi.Shape], removed: mi.Shape | None) -> None:
-        new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
+    def _add_synthetic(self, shapes: SyntheticShapes | None, removed: mi.Shape | None) -> None:
+        every = [] if shapes is None else [shape for _, shape in shapes.numbered]
+        new = {f"synthetic_{index}": shape for index, shape in enumerate(() if shapes is None else shapes.plain)}
+        instances = None if shapes is None else shapes.instances
         passed = {} if removed is None else {"removed": removed}
         self._removed_shape = None if removed is None else dr.opaque(mi.UInt32, registered(mi.ShapePtr(removed)))
-        self.has_synthetic = len(shapes) > 0 or removed is not None
+        self.has_synthetic = len(every) > 0 or removed is not None
         # Robust as well: built without spatial splits, in a quarter of the time, and traced as fast.
-        self.synthetic = _scene({**new, **passed}, robust=True)
-        self.all = _scene({**self._real_shapes, **new, **passed})
-        self.shown = self.all if removed is None else _scene({**self._real_shapes, **new})
-        self.materials = Materials([*shapes, *passed.values()])
+        self.synthetic = _with(_scene({**new, **passed}, robust=True), instances)
+        self.emitting = _scene({**self._real_shapes, **new, **passed})
+        self.all = _with(self.emitting, instances)
+        self.shown = self.all if removed is None else _with(_scene({**self._real_shapes, **new}), instances)
+        self.materials = Materials([*every, *passed.values()])
 
     def _only(self, surfaces: RealSurfaces, chosen: NDArray[np.bool_], black: mi.BSDF) -> mi.Scene:
         """Some of the real faces: those that keep a declared sun out."""
@@ -299,6 +305,10 @@ def shadow_ray(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, d
 def _beside(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f) -> mi.Point3f:
     offset = RAY_EPSILON * (1.0 + dr.max(dr.abs(point)))
     return dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
+
+
+def _with(scene: mi.Scene, instances: Instances | None) -> Traced:
+    return scene if instances is None else WithInstances(scene, instances)
 
 
 def _scene(shapes: Mapping[str, mi.Shape], robust: bool = False) -> mi.Scene:

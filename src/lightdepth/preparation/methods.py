@@ -59,7 +59,7 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
     if infinite:
         _check_nothing_is_removed(scene, "directional")
     prepared, objects = prepare_place(scene, infinite, store), prepare_objects(scene)
-    surfaces = prepared.place.surfaces.with_synthetic([shape for _, shape in objects.shapes], objects.removed)
+    surfaces = prepared.place.surfaces.with_synthetic(objects.shapes, objects.removed)
     place = with_plate(prepared.place.with_surfaces(surfaces), scene, prepared)
     settings = scene.render
     # Compiling the kernel of light tracing takes longer than a draft's noise is worth.
@@ -76,7 +76,7 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
     )
     spheres = [] if objects.bounds is None else objects.bounds.spheres
     irradiance = prepared.errors.report(spheres)
-    return Prepared(place, surfaces, integrator, objects.shapes, irradiance, prepared.gains, prepared.plates)
+    return Prepared(place, surfaces, integrator, objects.shapes.numbered, irradiance, prepared.gains, prepared.plates)
 
 
 def _check_nothing_is_removed(scene: Scene, method: str) -> None:
@@ -110,14 +110,14 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
     modelled = merge_real_surfaces(modelled_surfaces(scene))
     objects = prepare_objects(scene)
     real = support_with_scale_factors(scene, modelled)
-    surfaces = TracedSurfaces(real, [shape for _, shape in objects.shapes])
+    surfaces = TracedSurfaces(real, objects.shapes)
     place = Place(scene.panorama, surfaces, alone=True, parameters=scene.render.parameters.place)
     settings = scene.render
     integrator = EnvpathIntegrator(
         place, surfaces, scene.panorama, objects.bounds, settings.max_bounces, settings.parameters.transport
     )
     return Prepared(
-        place, surfaces, integrator, objects.shapes, IrradianceReport(len(real.vertices), math.nan, math.nan)
+        place, surfaces, integrator, objects.shapes.numbered, IrradianceReport(len(real.vertices), math.nan, math.nan)
     )
 
 

@@ -141,6 +141,7 @@ class MeshObject(OnSpot, Placed):
     mesh: NumberedFile
     animation: ShownAnimation | None = None
     material: MaterialSettings | None = None
+    instances: NumberedFile | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -152,6 +153,12 @@ class MeshObject(OnSpot, Placed):
                 "stand = false, which puts their origin there"
             )
         return table
+
+    @model_validator(mode="after")
+    def _instances_have_places(self) -> MeshObject:
+        if self.instances is not None and self.on_spot:
+            raise ValueError("instances stand where their file says; at and at_angles are for a single object")
+        return self
 
 
 class SphereObject(OnSpot):

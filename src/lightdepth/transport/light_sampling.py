@@ -119,7 +119,7 @@ class LightSampling:
             reference = dr.zeros(mi.SurfaceInteraction3f)
             reference.p, reference.n = vertex.point, mi.Normal3f(vertex.normal)
             position = mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
-            sampled, weight = self._surfaces.all.sample_emitter_direction(
+            sampled, weight = self._surfaces.emitting.sample_emitter_direction(
                 reference, position, False, active & ~from_map
             )
             direction = dr.select(from_map, direction, sampled.d)
