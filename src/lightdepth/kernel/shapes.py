@@ -37,8 +37,8 @@ class SyntheticShapes:
     Attributes:
         numbered: pairs of an index into ``scene.synthetic`` and a shape; an object of several parts has several shapes.
         spheres: around each of them in the world, with all its instances: centre, shape (3,), and radius, in metres.
-        parts: spheres around each of them, around each instance, and the vertices, shape (n, 3), and faces, shape (m, 3), of
-            meshes that are no instances.
+        parts: spheres around each of them, around each instance, and the vertices, shape (n, 3), and faces, shape
+            (m, 3), of meshes that are no instances.
         plain: those that stand where they are in the world.
         instances: the others; ``None`` where there are none.
     """
