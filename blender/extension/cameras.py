@@ -127,6 +127,8 @@ def camera_table(item, scene, eye: Eye | None = None, posed: bool = False) -> tu
     eye = eye or Eye(item.matrix_world, camera.shift_x)
     plate = plate_of(item)
     if plate is not None:
+        if not plate.size[0]:
+            raise CameraError(f"Camera '{item.name}': its plate '{plate.name}' cannot be read; load it again")
         if scene.camera is not None and scene.camera.name == item.name and (width, height) != tuple(plate.size):
             raise CameraError(
                 f"Camera '{item.name}': its plate '{plate.name}' has {plate.size[0]} x {plate.size[1]} pixels, the picture "

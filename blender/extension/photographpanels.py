@@ -20,9 +20,9 @@ def _draw_versions(layout, versions) -> None:
     layout.template_ID(versions, "mask", open="image.open", text="Mask")
 
 
-def _draw_clicks(layout, owner, index: int) -> None:
+def _draw_clicks(layout, context, owner, index: int) -> None:
     row = layout.row(align=True)
-    if is_in_image_editor(bpy.context):
+    if is_in_image_editor(context):
         row.operator(matching.ClickSharedPoints.bl_idname, icon="RESTRICT_SELECT_OFF").index = index
     else:
         row.label(text="Click points in an image editor", icon="INFO")
@@ -55,7 +55,7 @@ def draw_panoramas(layout, context) -> None:
         box.prop(entry, "scale")
         _draw_gain(box, entry.versions)
         _draw_versions(box, entry.versions)
-        _draw_clicks(box, entry, index)
+        _draw_clicks(box, context, entry, index)
         row = box.row(align=True)
         solve = row.operator(matching.RelatePanorama.bl_idname, icon="ORIENTATION_GIMBAL")
         solve.index, solve.by_features = index, False
@@ -78,7 +78,7 @@ def draw_plate(layout, context) -> None:
     if cameras.plate_of(camera) is None:
         return
     _draw_gain(layout, plate)
-    _draw_clicks(layout, plate, matching.PLATE)
+    _draw_clicks(layout, context, plate, matching.PLATE)
     layout.label(text=f"{len(plate.lines)} edges along axes")
     if is_in_image_editor(context):
         row = layout.row(align=True)

@@ -95,6 +95,13 @@ def test_clicked_points_and_edges_give_the_plates_camera(found, room, folder):
     assert found["plate report"].startswith("Camera solved, residual 0.0")
 
 
+def test_the_panels_name_what_there_is(found):
+    operators = {"add_panorama", "clear_clicks", "click_axis_line", "click_shared_points", "import_photographs"}
+    operators |= {"load_plate", "relate_panorama", "remove_panorama", "solve_plate"}
+    assert {name.removeprefix("lightdepth.") for name in found["drawn"] if "." in name} == operators
+    assert {"shown", "image", "capture", "gain", "mask", "retouched", "use", "solve_distortion"} <= set(found["drawn"])
+
+
 def test_photographs_go_to_a_scene_file_and_back(found, folder):
     scene = load_scene(folder / "once.toml")
     assert scene.further[0].mask is not None

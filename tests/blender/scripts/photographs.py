@@ -76,6 +76,47 @@ bpy.ops.lightdepth.solve_plate()
 found["camera"] = pose(camera)
 found["plate report"] = plate.report
 
+# Every property and operator that the panels name is there: a background has no panels that draw.
+
+
+class Layout:
+    """Takes what a panel draws."""
+
+    def __init__(self):
+        self.named = set()
+
+    def __getattr__(self, name):
+        return self.prop if name == "template_ID" else lambda *_, **__: self
+
+    def prop(self, owner, name, **_):
+        self.named.add(owner.bl_rna.properties[name].identifier)
+
+    def operator(self, name, **_):
+        group, operator = name.split(".")
+        rna = getattr(getattr(bpy.ops, group), operator).get_rna_type()
+        self.named.add(name)
+        return _Properties(rna)
+
+
+class _Properties:
+    def __init__(self, rna):
+        self.__dict__["_rna"] = rna
+
+    def __setattr__(self, name, value):
+        assert name in self._rna.properties, (self._rna.identifier, name)
+
+
+drawn = SimpleNamespace(
+    scene=scene,
+    space_data=SimpleNamespace(type="IMAGE_EDITOR"),
+    region=SimpleNamespace(width=300),
+    preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+)
+layout = Layout()
+module("photographpanels").draw_panoramas(layout, drawn)
+module("photographpanels").draw_plate(layout, drawn)
+found["drawn"] = sorted(layout.named)
+
 # To a scene file and back, into a scene that has only the room.
 bpy.ops.mesh.primitive_uv_sphere_add(radius=0.3, location=truth["ball"])
 plate.use_gain, plate.gain = True, (0.9, 1.0, 1.1)
