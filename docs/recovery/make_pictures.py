@@ -31,6 +31,8 @@ HERE = Path(__file__).parent
 LEVEL = 8.0
 """Times its mean at which a panorama is clipped."""
 SAMPLES = 64
+SHADOW = 0.8
+"""Share of the light that stays, up to which a pixel counts as shadow."""
 COMMAND = [sys.executable, "-c", "from lightdepth.cli.app import main; main()"]
 
 PARK = """[panorama]
@@ -187,14 +189,14 @@ rotation = [-0.361, 0.052, -44.16]
 [[synthetic]]
 name = "ball"
 shape = "sphere"
-at = [560, 400]
+at = [330, 405]
 radius = 0.2
 material = { type = "diffuse", color = [0.6, 0.6, 0.6] }
 
 [[synthetic]]
 name = "post"
 shape = "cube"
-at = [640, 396]
+at = [405, 400]
 scale = [0.08, 0.08, 0.35]
 material = { type = "diffuse", color = [0.55, 0.2, 0.15] }
 
@@ -203,11 +205,11 @@ type = "perspective"
 width = 400
 height = 320
 fov = 62
-look_at = [1.55, 0.4, 0.2]
+look_at = [-0.16, 1.35, 0.1]
 """
 CAFE_FLOOR, CAFE_CEILING = "1014.7,326.6 739.4,308.9 502.4,297.6 310.0,305.5", 3.4
 """Corners of the floor by clicks, and metres up to the ceiling."""
-CAFE_LEVEL, CAFE_GREY = 2.0, ((520, 400), (600, 420), (690, 400))
+CAFE_LEVEL, CAFE_GREY = 2.0, ((300, 425), (365, 435), (430, 425))
 
 
 def cafe(data: Path, folder: Path) -> None:
@@ -253,10 +255,13 @@ def three(scene: Path, whole: np.ndarray, options: list[str], name: str) -> None
     write_radiance(scene.parent / "pano.exr", whole)
     frames.append(render(scene))
     side_by_side(frames, 2, name)
+    covered = frames[2].coverage == 1.0
+    shaded = ~covered & (frames[2].shadow.astype(float).mean(axis=2) < SHADOW)
     for label, frame in zip(("clipped", "recovered"), frames, strict=False):
-        covered = frame.alpha > 0.99
-        off = frame.beauty[covered].mean() / frames[2].beauty[covered].mean() - 1.0
-        print(f"{name}: objects in {label} light are {100 * off:+.1f} % off those in the whole panorama's")
+        off = frame.synthetic[covered].mean() / frames[2].synthetic[covered].mean() - 1.0
+        lost = [1.0 - each.shadow[shaded].astype(float).mean() for each in (frame, frames[2])]
+        print(f"{name}: in {label} light, objects are {100 * off:+.1f} % off those in the whole panorama's")
+        print(f"{name}: and their shadows take {100 * lost[0]:.0f} % of the light and not {100 * lost[1]:.0f} %")
 
 
 def side_by_side(frames: list[Frame], exposed: int, name: str, stops: float = 0.0) -> None:

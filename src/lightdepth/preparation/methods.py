@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.place.object_outline import ObjectOutline
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
@@ -35,6 +36,7 @@ class Prepared:
         integrator: estimates along camera rays.
         shapes: the synthetic shapes, each with the index of its object in the scene.
         irradiance: how well the irradiance of the support is known.
+        outline: of the synthetic objects; ``None`` without any.
         gains: of each photograph, per channel, shape (k, 3); ``None`` is 1.
         plates: of the place, see :class:`~lightdepth.preparation.place.PreparedPlace`.
     """
@@ -44,6 +46,7 @@ class Prepared:
     integrator: Integrator[Any]
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
+    outline: ObjectOutline | None = None
     gains: NDArray[np.float32] | None = None
     plates: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
 
@@ -76,7 +79,16 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
     )
     spheres = [] if objects.bounds is None else objects.bounds.spheres
     irradiance = prepared.errors.report(spheres)
-    return Prepared(place, surfaces, integrator, objects.shapes.numbered, irradiance, prepared.gains, prepared.plates)
+    return Prepared(
+        place,
+        surfaces,
+        integrator,
+        objects.shapes.numbered,
+        irradiance,
+        objects.outline,
+        prepared.gains,
+        prepared.plates,
+    )
 
 
 def _check_nothing_is_removed(scene: Scene, method: str) -> None:
@@ -117,7 +129,12 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
         place, surfaces, scene.panorama, objects.bounds, settings.max_bounces, settings.parameters.transport
     )
     return Prepared(
-        place, surfaces, integrator, objects.shapes.numbered, IrradianceReport(len(real.vertices), math.nan, math.nan)
+        place,
+        surfaces,
+        integrator,
+        objects.shapes.numbered,
+        IrradianceReport(len(real.vertices), math.nan, math.nan),
+        objects.outline,
     )
 
 

@@ -130,6 +130,8 @@ def model(scene):
         bpy.ops.lightdepth.add_top()
         bpy.ops.mesh.primitive_monkey_add(size=0.5, location=(-0.2, 0.95, 0.2), rotation=(-0.6, 0.0, 0.3))
     monkey = bpy.context.object
+    bpy.context.view_layer.update()
+    monkey.location.z -= min((monkey.matrix_world @ vertex.co).z for vertex in monkey.data.vertices)  # on the floor
     for face in monkey.data.polygons:
         face.use_smooth = True
     copper = bpy.data.materials.new("Copper")
