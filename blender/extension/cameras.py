@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 from .picking import capture_pose
 
@@ -80,19 +80,6 @@ def circle(item) -> float | None:
     settings = panoramic(camera)
     share = 4.0 * settings.fisheye_lens * math.sin(0.25 * settings.fisheye_fov) / _sensor(camera)
     return share if share < 1.0 else None
-
-
-def sees(item, scene: bpy.types.Scene, point) -> bool:
-    """Whether a point of the world is within a camera's picture, whatever stands before it."""
-    if item.type != "CAMERA" or item.data.type != "PERSP":
-        return item.type == "CAMERA"
-    x, y, z = item.matrix_world.inverted() @ Vector(point)
-    if z >= 0.0:
-        return False
-    table, _ = _perspective(item, *resolution(scene), item.data.shift_x)
-    half, shift = math.tan(math.radians(0.5 * table["fov"])), table.get("shift", (0.0, 0.0))
-    ratio = table["height"] / table["width"]
-    return abs(x / -z / half - 2.0 * shift[0]) <= 1.0 and abs(y / -z / half - 2.0 * shift[1]) <= ratio
 
 
 def camera_table(item, scene, eye: Eye | None = None, posed: bool = False) -> tuple[dict[str, Any], list[str]]:
