@@ -176,12 +176,17 @@ def _perspective(item, width, height, shift_x):
     if any(camera.lightdepth.distortion):
         table["distortion"] = list(camera.lightdepth.distortion)
     notes = []
-    if camera.dof.use_dof:
-        table["aperture"] = 0.5e-3 * camera.lens / camera.dof.aperture_fstop
-        table["focus_distance"] = _focus_distance(item)
-        if camera.dof.aperture_blades or camera.dof.aperture_ratio != 1.0:
-            notes.append(f"Camera '{item.name}': the aperture is round; its blades and ratio are not carried")
-    return table, notes
+    if camera.dof.use_dof and (camera.dof.aperture_blades or camera.dof.aperture_ratio != 1.0):
+        notes.append(f"Camera '{item.name}': the aperture is round; its blades and ratio are not carried")
+    return table | depth_of_field(item), notes
+
+
+def depth_of_field(item) -> dict[str, float]:
+    """Aperture and focus of a perspective camera, evaluated, as its table has them; nothing where all is sharp."""
+    camera = item.data
+    if not camera.dof.use_dof:
+        return {}
+    return {"aperture": 0.5e-3 * camera.lens / camera.dof.aperture_fstop, "focus_distance": _focus_distance(item)}
 
 
 def _narrow(table: dict[str, Any], part: tuple[int, int, int, int]) -> None:
