@@ -118,7 +118,9 @@ class LightImage:
         slot = row * self._width + column
         if self._slots is not None:
             slot = self._slots[slot]
-        values, on_object = splats.radiance.numpy().T[valid], splats.on_object.numpy()[valid]
+        # Channel by channel, for which there is nothing to compile: an array of all has its length in a kernel.
+        values = np.stack([channel.numpy()[valid] for channel in splats.radiance], axis=1)
+        on_object = splats.on_object.numpy()[valid]
         useful = (slot != NOWHERE) & np.isfinite(values).all(axis=1)
         # One after the other in the order of the paths, so that the same paths always give the same image.
         for sums, chosen in ((self._change, useful & ~on_object), (self._synthetic, useful & on_object)):
