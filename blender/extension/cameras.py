@@ -64,10 +64,20 @@ def region(scene: bpy.types.Scene) -> tuple[int, int, int, int]:
 def cut(item, scene: bpy.types.Scene) -> tuple[int, int, int, int]:
     """Which part of what the renderer makes is the region: left, top, width, height.
 
-    A perspective camera is exported with a lens for the region alone; others are rendered whole.
+    A perspective camera without a plate is exported with a lens for the region alone; others are rendered whole.
     """
     part = region(scene)
-    return (0, 0, *part[2:]) if item.data.type == "PERSP" else part
+    return (0, 0, *part[2:]) if item.data.type == "PERSP" and plate_of(item) is None else part
+
+
+def plate_of(item) -> bpy.types.Image | None:
+    """The plate of a camera object: its first background image that is shown, where it is said to be one."""
+    camera = item.data
+    if camera.type != "PERSP" or not camera.lightdepth.plate.use or not camera.show_background_images:
+        return None
+    shown = (each.image for each in camera.background_images if each.source == "IMAGE" and each.show_background_image)
+    found = next((image for image in shown if image is not None), None)
+    return found if found is None else found.original
 
 
 def circle(item) -> float | None:
@@ -102,7 +112,17 @@ def camera_table(item, scene, eye: Eye | None = None, posed: bool = False) -> tu
     camera, (width, height) = item.data, resolution(scene)
     _check_pixels(item.name, scene)
     eye = eye or Eye(item.matrix_world, camera.shift_x)
-    if camera.type == "PERSP":
+    plate = plate_of(item)
+    if plate is not None:
+        if not plate.size[0]:
+            raise CameraError(f"Camera '{item.name}': its plate '{plate.name}' cannot be read; load it again")
+        if scene.camera is not None and scene.camera.name == item.name and (width, height) != tuple(plate.size):
+            raise CameraError(
+                f"Camera '{item.name}': its plate '{plate.name}' has {plate.size[0]} x {plate.size[1]} pixels, the picture "
+                f"{width} x {height}; set the resolution to the plate's, at 100 %"
+            )
+        table, notes = _perspective(item, *plate.size, eye.shift_x)
+    elif camera.type == "PERSP":
         table, notes = _perspective(item, width, height, eye.shift_x)
         _narrow(table, region(scene))
     elif camera.type == "PANO":

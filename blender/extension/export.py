@@ -18,7 +18,7 @@ import numpy as np
 from bpy_extras.io_utils import ExportHelper
 from mathutils import Matrix
 
-from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, suns, toml
+from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, photographs, roles, suns, toml
 from .evaluation import EvaluationError, unexpected, with_render_depsgraph
 from .groups import File, Group, Look, Source, Together, flat, have_area, placements
 from .meshfolder import Made, MeshFolder, digest_of
@@ -104,7 +104,12 @@ class Exported:
             table: of the camera, in Blender's world.
         """
         table = table | {"position": [float(a - b) for a, b in zip(table["position"], self.origin, strict=True)]}
-        return replace(self, document=self.document | {"camera": {"view": table}}).text()
+        views = {name: kept for name, kept in self.document["camera"].items() if self.is_plates(name)} | {"view": table}
+        return replace(self, document=self.document | {"camera": views}).text()
+
+    def is_plates(self, camera: str) -> bool:
+        """Whether a camera has the plate."""
+        return self.document.get("plate", {}).get("camera") == camera
 
 
 @dataclass
@@ -246,6 +251,8 @@ class _Writer:
         opening = settings.opening and settings.role == roles.ENVIRONMENT
         if opening:
             table["opening"] = True
+        if settings.removed:
+            table["removed"] = True
         if settings.use_gloss and settings.role in roles.REAL and not opening:
             table["gloss"] = {"roughness": settings.roughness, "specular": settings.specular}
         self.real.append(table)
@@ -497,31 +504,26 @@ def require_panorama(scene) -> None:
         )
 
 
-def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
-    settings = scene.lightdepth
-    capture = capture_pose(settings)
-    return {
-        "image": writer.relative(panorama.file_of(settings.image, writer.files)),
-        "position": list(writer.local(capture).translation),
-        "rotation": [math.degrees(angle) for angle in capture.to_euler("XYZ")],
-        "scale": settings.scale,
-        "sky": settings.sky,
-    }
-
-
 EyeOf = Callable[[Any], cameras.Eye]
 """One of the views of a camera, as it is evaluated."""
 
 
 def _camera_tables(
-    depsgraph, origin: np.ndarray, every_camera: bool, eye_of: EyeOf | None, posed: bool = False
+    depsgraph,
+    origin: np.ndarray,
+    every_camera: bool,
+    eye_of: EyeOf | None,
+    posed: bool = False,
+    with_active: bool = True,
 ) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """All cameras that can be carried, or the active one alone, which must be; and notes."""
+    """All cameras that can be carried, or the active one, which must be, and the one with the plate; and notes."""
     tables, notes = {}, []
     scene = depsgraph.scene_eval
+    plates = photographs.plate_camera(scene)
     for item in scene.objects:
-        active = scene.camera is not None and item.name == scene.camera.name
-        if item.type != "CAMERA" or not (every_camera or active):
+        active = with_active and scene.camera is not None and item.name == scene.camera.name
+        has_plate = plates is not None and item.name == plates.name
+        if item.type != "CAMERA" or not (every_camera or active or has_plate):
             continue
         evaluated = item.evaluated_get(depsgraph)
         eye = eye_of(evaluated) if active and eye_of is not None else None
@@ -615,7 +617,7 @@ def export_scene(
         every_camera: write all cameras that can be carried, not the active one alone.
         eye_of: of the active camera, where it is one of several.
         set_frame: evaluates the scene at another time, for motion blur; ``None`` writes it as it stands.
-        with_cameras: write cameras at all.
+        with_cameras: write cameras other than that of the plate.
 
     Raises:
         ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
@@ -630,7 +632,14 @@ def export_scene(
     scene = depsgraph.scene_eval
     writer = _Writer(depsgraph, path.parent, folder, origin, moves)
     writer.note(*said)
-    document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
+    try:
+        document: dict[str, Any] = {
+            "panorama": photographs.panorama_tables(scene, writer.relative, folder, writer.local)
+        }
+        plate, said = photographs.plate_table(scene, writer.relative, folder)
+    except photographs.PhotographError as error:
+        raise ExportError(str(error)) from error
+    writer.note(*said)
     if moves is not None:
         document["sequence"] = moves.shutter.table()
     try:
@@ -643,13 +652,17 @@ def export_scene(
         writer.write_synthetic(closed=not scene.lightdepth.sky)
     finally:
         graph.forget_pictures()
-    tables, said = _camera_tables(depsgraph, origin, every_camera, eye_of) if with_cameras else ({}, [])
+    tables, said = _camera_tables(depsgraph, origin, every_camera and with_cameras, eye_of, with_active=with_cameras)
     writer.note(*said)
     if moves is not None:
         tables = {name: moves.with_keys(name, table) for name, table in tables.items()}
     writer.note(*writer.suns.notes)
     light_tables = writer.suns.tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth)
     document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
+    if (
+        plate is not None and plate["camera"] in tables and eye_of is None
+    ):  # the eyes of stereo stand beside the plate's
+        document["plate"] = plate
     document["render"] = _render_table(scene.lightdepth)
     active = scene.camera.name if scene.camera is not None and scene.camera.name in tables else None
     frame = None if moves is None else moves.shutter.frame

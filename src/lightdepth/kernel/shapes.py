@@ -37,6 +37,8 @@ class SyntheticShapes:
     Attributes:
         numbered: pairs of an index into ``scene.synthetic`` and a shape; an object of several parts has several shapes.
         spheres: around each of them in the world, with all its instances: centre, shape (3,), and radius, in metres.
+        parts: spheres around each of them, around each instance, and the vertices, shape (n, 3), and faces, shape
+            (m, 3), of meshes that are no instances.
         plain: those that stand where they are in the world.
         instances: the others; ``None`` where there are none.
         unseen: those that cameras do not see by themselves.
@@ -44,6 +46,7 @@ class SyntheticShapes:
 
     numbered: tuple[tuple[int, mi.Shape], ...]
     spheres: tuple[tuple[np.ndarray, float], ...]
+    parts: tuple[tuple[tuple[np.ndarray, float], tuple[np.ndarray, np.ndarray] | None], ...]
     plain: tuple[mi.Shape, ...]
     instances: Instances | None
     unseen: tuple[mi.Shape, ...] = ()
@@ -80,11 +83,13 @@ def synthetic_shapes(scene: Scene) -> SyntheticShapes:
         spheres.append(enclosing_sphere(shape) if prototype is None else prototype.sphere())
     _last = builder.without_predecessor()
     plain = tuple(shape for number, (_, shape) in enumerate(shapes) if number not in owners)
+    outline = [(spheres[number], mesh_of(shape)) for number, (_, shape) in enumerate(shapes) if number not in owners]
+    outline += [(sphere, None) for prototype in prototypes for sphere in prototype.spheres()]
     instances = None
     if prototypes:
         instances = Instances([each.traced() for each in prototypes], [shapes[number][1] for number in owners])
     unseen = tuple(shape for index, shape in shapes if not scene.synthetic[index].visible_to_camera)
-    return SyntheticShapes(tuple(shapes), tuple(spheres), plain, instances, unseen)
+    return SyntheticShapes(tuple(shapes), tuple(spheres), tuple(outline), plain, instances, unseen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,11 +133,21 @@ class _Prototype:
 
     def sphere(self) -> tuple[np.ndarray, float]:
         """Around all that stands in the world."""
-        ends = np.stack([self.low, self.high])
-        corners = np.stack([ends[(index >> np.arange(3)) & 1, np.arange(3)] for index in range(8)])
-        points = np.einsum("nij,cj->nci", self.places[:, :3, :3], corners) + self.places[:, None, :3, 3]
+        points = self._corners()
         centre = 0.5 * (points.min(axis=(0, 1)) + points.max(axis=(0, 1)))
         return centre, float(np.linalg.norm(points - centre, axis=2).max())
+
+    def spheres(self) -> list[tuple[np.ndarray, float]]:
+        """Around what stands at each place."""
+        points = self._corners()
+        centres = 0.5 * (points.min(axis=1) + points.max(axis=1))
+        return list(zip(centres, np.linalg.norm(points - centres[:, None], axis=2).max(axis=1).tolist(), strict=True))
+
+    def _corners(self) -> np.ndarray:
+        """Of the boxes at all places, in the world, shape (n, 8, 3)."""
+        ends = np.stack([self.low, self.high])
+        corners = np.stack([ends[(index >> np.arange(3)) & 1, np.arange(3)] for index in range(8)])
+        return np.einsum("nij,cj->nci", self.places[:, :3, :3], corners) + self.places[:, None, :3, 3]
 
 
 def _prototypes(parts: Sequence[SyntheticPart], limits: Sequence[int | None]) -> list[_Prototype]:
@@ -224,6 +239,14 @@ def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | No
 def is_polished(shape: mi.Shape) -> bool:
     """Whether its material throws light into some directions rather than others."""
     return any(mi.has_flag(shape.bsdf().flags(), kind) for kind in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Delta))
+
+
+def mesh_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray] | None:
+    """Vertices, shape (n, 3), world, metres, and faces, shape (m, 3), of a mesh; ``None`` of another shape."""
+    if not isinstance(shape, mi.Mesh):
+        return None
+    vertices = shape.vertex_position(dr.arange(mi.UInt32, shape.vertex_count())).numpy().T
+    return vertices, shape.face_indices(dr.arange(mi.UInt32, shape.face_count())).numpy().T
 
 
 def enclosing_sphere(shape: mi.Shape) -> tuple[np.ndarray, float]:

@@ -21,7 +21,9 @@ class TransportParameters:
             finds that it is not.
         directed_share: of the scattered rays at support, that are object-directed where the objects fill a small part of
             the view.
-        glossy_share: of the other ones, that sample the specular lobe of a glossy surface.
+        glossy_share: of the other ones, that sample the specular lobe of a glossy surface that is not black beneath.
+        mirrors_all: share of the paths that come from an object to a glossy surface and follow what its lobe mirrors, of
+            all light; the others follow the change of its matte part.
         most_spheres: objects beyond this count share bounding spheres; each costs a test at each support vertex.
         expanded_triangles: meshes that stand at many places become one mesh of at most this many triangles; beyond, each
             stands once in memory, and rays take longer to find it.
@@ -55,6 +57,7 @@ class TransportParameters:
     unlikely_sun: Probability = 0.0625
     directed_share: Probability = 0.5
     glossy_share: Probability = 0.5
+    mirrors_all: Probability = 0.75
     most_spheres: Count = 6
     expanded_triangles: Count = 500_000
     roulette_depth: Depth = 3

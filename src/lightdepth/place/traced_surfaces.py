@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.loading import load
@@ -66,6 +67,7 @@ class TracedSurfaces:
         changes: whether what any real surface shows may change: support that is not relit, or environment with gloss.
         materials: of the synthetic shapes.
         blockers: the real surfaces that are no openings.
+        kept_blockers: these without what is removed.
         kept: the real surfaces that are not removed.
         synthetic: the synthetic surfaces.
         all: both together.
@@ -84,14 +86,16 @@ class TracedSurfaces:
         self._real_shapes = {"real": mesh_shape(surfaces.mesh(), black)} if self.has_real else {}
         # Robust, since light and depth are looked up along rays through vertices; elsewhere it would cost a tenth more.
         self.real = _scene(self._real_shapes, robust=True)
-        self.blockers = self._blockers(surfaces, black)
-        self.kept = self.real
+        solid = surfaces.kind != FaceKind.OPENING
+        self.blockers = self._only(surfaces, solid, black)
+        self.kept, self.kept_blockers = self.real, self.blockers
         self.has_removed = FaceKind.REMOVED in self.kinds
         if self.has_removed:
             # Faces of no area are never met; so the others keep their numbers.
             faces = np.where((surfaces.kind == FaceKind.REMOVED)[:, None], surfaces.faces[:, :1], surfaces.faces)
             self._real_shapes = {"real": mesh_shape(Mesh(surfaces.vertices, faces), black)}
             self.kept = _scene(self._real_shapes, robust=True)
+            self.kept_blockers = self._only(surfaces, solid & (surfaces.kind != FaceKind.REMOVED), black)
         self._real_shape = mi.UInt32(0)
         if self.has_real:
             self._real_shape = dr.opaque(mi.UInt32, registered(mi.ShapePtr(self._real_shapes["real"])))
@@ -131,14 +135,13 @@ class TracedSurfaces:
             self.shown = _with(_scene({**self._real_shapes, **seen}), instances)
         self.materials = Materials([*every, *passed.values()])
 
-    def _blockers(self, surfaces: RealSurfaces, black: mi.BSDF) -> mi.Scene:
-        """The real surfaces without openings: what keeps a declared sun out."""
-        solid = surfaces.kind != FaceKind.OPENING
-        if solid.all():
+    def _only(self, surfaces: RealSurfaces, chosen: NDArray[np.bool_], black: mi.BSDF) -> mi.Scene:
+        """Some of the real faces: those that keep a declared sun out."""
+        if chosen.all():
             return self.real
-        if not solid.any():
+        if not chosen.any():
             return _scene({})
-        return _scene({"solid": mesh_shape(Mesh(surfaces.vertices, surfaces.faces[solid]), black)}, robust=True)
+        return _scene({"solid": mesh_shape(Mesh(surfaces.vertices, surfaces.faces[chosen]), black)}, robust=True)
 
     def receives(self, hit: RealHit) -> mi.Bool:
         """Whether real surfaces that were met receive the influence of the new objects."""

@@ -49,11 +49,15 @@ def separate(surfaces: RealSurfaces, chosen: NDArray[np.bool_]) -> RealSurfaces:
 
 
 def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int32]:
-    """Wind every connected piece so that most of what the capture points see of it faces them."""
+    """Wind every connected piece so that most of what the capture points see of it, where it rested, faces them.
+
+    Pieces that touch where they are but not where they rested are apart: each may have been turned over by itself.
+    """
     faces = surfaces.faces
     facing = reduce(operator.add, (_facing(place, surfaces, each.capture) for each in place.photograph.each))
     count = len(surfaces.vertices)
-    _, same_position = np.unique(np.round(surfaces.vertices / 1e-5).astype(np.int64), axis=0, return_inverse=True)
+    places = np.round(np.concatenate([surfaces.vertices, surfaces.rest], axis=1) / 1e-5).astype(np.int64)
+    _, same_position = np.unique(places, axis=0, return_inverse=True)
     merged = same_position.reshape(-1)[faces]
     ones = np.ones(len(faces))
     links = [coo_matrix((ones, (merged[:, 0], merged[:, k])), shape=(count, count)) for k in (1, 2)]

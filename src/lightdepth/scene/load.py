@@ -293,13 +293,14 @@ def _real_surface(table: RealTable) -> RealSurface:
 
 def _sun(table: SunTable) -> SunLight:
     mask = None
-    if table.mask is not None:
+    if isinstance(table.mask, Path):
         mask = read_radiance(table.mask)
         if mask.max() > 1.0:
             raise InputError(
                 f"{table.mask}: a mask holds shares of light from 0 to 1, but this one has {mask.max():.3g}"
             )
-    return SunLight(table.name, table.toward(), table.diameter, np.array(table.irradiance), mask, table.mask_extent)
+    irradiance, recover = np.array(table.irradiance), table.mask == "recover"
+    return SunLight(table.name, table.toward(), table.diameter, irradiance, mask, table.mask_extent, recover)
 
 
 def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.floating]:

@@ -108,6 +108,8 @@ class SunLight:
             the top. ``None`` lets all pass.
         mask_extent: left, bottom, right and top of the mask in the plane across the direction, metres, along the axes of
             :func:`lightdepth.scene.lights.frame.sun_axes`; nothing passes beyond it.
+        recover_mask: the mask is the pattern that the photograph shows of the sun's patch, recovered when the place is
+            prepared.
     """
 
     name: str
@@ -116,6 +118,7 @@ class SunLight:
     irradiance: NDArray[np.float64]
     mask: NDArray[np.float32] | None = None
     mask_extent: tuple[float, float, float, float] | None = None
+    recover_mask: bool = False
 
 
 @dataclass(frozen=True)

@@ -97,6 +97,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.lobes = SpecularLobes(glosses, parameters)
         self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
         self.has_relit = FaceKind.RELIT in surfaces.kinds
+        self.has_mirrors = self.lobes.any and not place.infinite
         self.has_support = surfaces.changes
         if bounds and targets and self.has_support and not surfaces.materials.have_holes and not surfaces.has_unseen:
             self.light_tracer = LightTracer(
@@ -160,9 +161,22 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         materials = self.surfaces.materials
         material = materials.index(si, on_synthetic)
         scatters = depth < self.max_bounces
+        mirrors = arrived & self._mirrors_elsewhere(hit, on_support & ~on_relit & scatters)
         passes = on_synthetic & (unseen | self._has_holes(material, on_synthetic))
         active &= (scatters & (on_synthetic | on_support)) | passes
         rho, specular_scale = self._reflectance(hit, ray.d, active & on_support)
+        if self.has_mirrors:
+            # What is mirrored toward the capture point gives way to what is mirrored here: the lobe scatters all light and
+            # not its change, by a draw between the two.
+            shown = specular_scale * self.place.photograph.mirrored(hit, ray.d, mirrors)
+            radiance -= dr.select(mirrors, self._clamped(throughput * shown, depth), 0.0)
+            chance = dr.select(dr.max(rho) > 0.0, mi.Float(parameters.mirrors_all), 1.0)
+            all_light = mirrors & (sampler.next_1d(mirrors) < chance)
+            throughput *= dr.select(mirrors, dr.rcp(dr.select(all_light, chance, 1.0 - chance)), 1.0)
+            rho = dr.select(all_light, 0.0, rho)
+            specular_scale = dr.select(mirrors & ~all_light, 0.0, specular_scale)
+        else:
+            all_light = mi.Bool(False)
         if cache is not None:
             cached, mean, begins, here = self._cached(cache, path, hit, active & on_support)
             radiance += dr.select(cached, throughput * rho * mean, 0.0)
@@ -179,7 +193,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             cones = bounds.cones(point)
 
         # Russian roulette: by throughput, and between support surfaces by the chance to meet an object.
-        between_support = on_support & ~on_relit & ~first
+        between_support = on_support & ~on_relit & ~first & ~all_light
         carried = dr.max(throughput)
         if cones is not None:
             reach = dr.clip(
@@ -191,7 +205,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         active &= sampler.next_1d(active) < survival
         throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
-        in_difference = active & on_support & ~on_relit
+        in_difference = active & on_support & ~on_relit & ~all_light
         # Object-directed sampling makes the other directions heavier: paths of high throughput use it less, so that
         # weights do not multiply.
         directed = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
@@ -317,7 +331,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
         values = []
-        arriving = self.place.arriving(ray, hit, distance, wanted)
+        arriving = self.place.arriving(ray, hit, distance, wanted, arrived)
         counts = [last.weight_samples, *(mi.Float(1.0) for _ in self.place.suns)]
         for (radiance, pdf, finite), count, share in zip(arriving, counts, self.place.path_shares, strict=True):
             value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
@@ -375,6 +389,10 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         pdf = self.surfaces.emitting.pdf_emitter_direction(reference, sampled, shines & ~first)
         weight = dr.select(first, 1.0, mis_weight(last.pdf, pdf * (1.0 - self.light_sampling.map_share)))
         return dr.select(shines, self._clamped(emitter.eval(si, shines) * weight, depth), 0.0)
+
+    def _mirrors_elsewhere(self, hit: RealHit, scattering: mi.Bool) -> mi.Bool:
+        """Which of the scattering real surfaces mirror something else to a path than to the capture point."""
+        return scattering & (hit.gloss > 0) if self.has_mirrors else mi.Bool(False)
 
     def _has_holes(self, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
         """Whether light may pass a material without being scattered."""
