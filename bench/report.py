@@ -15,6 +15,7 @@ from bench.pictures import plot_convergence, show_side_by_side
 from bench.run import RESULTS
 
 CAPTURES = RESULTS / "captures.json"
+BOXES = RESULTS / "boxes.json"
 DOCS = Path(__file__).parents[1] / "docs"
 REGION_TITLES = {
     "objects": "On objects",
@@ -92,6 +93,7 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
     lines += missing_light()
     lines += _foreign()
     lines += _captures()
+    lines += _boxes()
     lines.append("## Settings of the methods\n")
     lines += [f"- {results['labels'][key]}: {text}." for key, text in results["settings"].items()]
     path = DOCS / "benchmarks.md"
@@ -190,12 +192,12 @@ def _wrong_models(results: dict[str, Any], place: str) -> Iterator[str]:
 
 
 def missing_light() -> Iterator[str]:
-    """Suns and clipped light, declared and recovered, as ``python -m bench suns`` and ``clipped`` measured them."""
+    """Suns, clipped light and gloss, as ``python -m bench suns``, ``clipped`` and ``gloss`` measured them."""
     tables = kept_missing_light()
     if tables:
         yield "## Light that the photograph lacks\n"
         yield (
-            "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
+            "Measured with `python -m bench suns`, `clipped` and `gloss`; see [Light that the photograph lacks]"
             "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
             "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
             "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
@@ -226,19 +228,38 @@ def _foreign() -> Iterator[str]:
 
 def _captures() -> Iterator[str]:
     """Several captures of one room, which ``python -m bench captures`` measured."""
-    table = json.loads(CAPTURES.read_text()) if CAPTURES.is_file() else None
-    if table:
+    tables = json.loads(CAPTURES.read_text()) if CAPTURES.is_file() else {}
+    if tables:
         yield "## Several captures of one room\n"
         yield (
-            "Measured with `python -m bench captures`. A camera travels from the first capture point of the L-shaped room "
-            "around the corner into the far leg, of which the first capture sees next to nothing; the second stands there, "
-            "the third in the corner. Errors are root mean squares over all frames. The change from frame to frame is that "
-            "of plates 4 cm apart in the middle of the way, the largest that one pixel in a hundred exceeds; what is above "
-            "the truth's is the noise of the panoramas, which moves with the surfaces.\n"
+            "Measured with `python -m bench captures`. In the L-shaped room a camera travels from the first capture "
+            "point around the corner into the far leg, of which the first capture sees next to nothing; the second "
+            "stands there, the third in the corner. The flat is furnished, and a bookcase divides it: the camera goes "
+            "past it into the part behind. The second capture is in the passage, the third behind the bookcase; what "
+            "none sees there is the far side of furniture. Errors are root mean squares over all frames. The change "
+            "from frame to frame is that of plates 4 cm apart in the middle of the way, the largest that one pixel in "
+            "a hundred exceeds; what is above the truth's is the noise of the panoramas, which moves with the "
+            "surfaces.\n"
+        )
+    for table in tables.values():
+        yield f"**{table['title']}**\n"
+        yield _table(table["head"], table["rows"])
+        yield f"![Truth, and one, two and three captures, along the way](pictures/{table['picture']})\n"
+
+
+def _boxes() -> Iterator[str]:
+    """The first guess of a room's box, which ``python -m bench boxes`` measured."""
+    table = json.loads(BOXES.read_text()) if BOXES.is_file() else None
+    if table:
+        yield "## The guessed box of a room\n"
+        yield (
+            "Measured with `python -m bench boxes`: the box that `lightdepth new` fits, given the camera's height. Walls "
+            "of photographed rooms were read off by hand (`bench/places/photographed_rooms.toml`). Of the benchmark's "
+            "places these are the four that are boxes, path-traced and denoised. The furnished rooms are random, painted "
+            "instead of lit, and harder than most: much of their floor's edges is behind furniture.\n"
         )
         yield f"**{table['title']}**\n"
         yield _table(table["head"], table["rows"])
-        yield "![Truth, and one, two and three captures, along the way](pictures/captures-l-shaped-room.jpg)\n"
 
 
 def _cost(cost: dict[str, Any]) -> Iterator[str]:

@@ -30,6 +30,7 @@ NEWEST = {
     "test_endurance",
     "test_holes",
     "test_mesh_exporters",
+    "test_photographs",
     "test_sample_models",
     "test_seen_by_cycles",
     "test_usd",

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from scipy import ndimage
 
 import lightdepth
 from lightdepth.cameras import Equirectangular
@@ -16,12 +17,12 @@ from lightdepth.scene.model import CameraView, Mesh, Panorama, RealSurface, Rend
 
 start("cpu")
 
-from lightdepth.preparation import METHODS  # noqa: E402
-
 ALBEDO = 0.5
 LOW, HIGH = np.array([1.40, -0.8, 0.02]), np.array([1.46, 0.8, 1.0])
 """Of a panel that shows its front: what nobody sees of it, nobody can take away."""
 CAPTURE = np.array([0.2, -0.3, 1.4])
+SUN = np.array([np.cos(np.radians(15.0)), 0.0, np.sin(np.radians(15.0))])
+"""Toward a low sun, in whose way the panel stands."""
 WIDTH = 192
 
 
@@ -50,22 +51,41 @@ def form_factor(points):
     return total
 
 
-def scene(glow):
-    """A sky that sends 1, a grey floor under it, and a panel that sends ``glow``; and the surface in each pixel."""
-    corners = np.array([[-4, -4, 0], [4, -4, 0], [4, 4, 0], [-4, 4, 0]], np.float32)
-    floor = RealSurface("floor", Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), Role.SUPPORT)
+def floor(name, left, right, rest=False):
+    """A strip of the floor between two places along x; with rest positions, it takes its colour from the far end."""
+    corners = np.array([[left, -4, 0], [right, -4, 0], [right, 4, 0], [left, 4, 0]], np.float32)
+    mesh = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), rest=corners - (left + 4, 0, 0) if rest else None)
+    return RealSurface(name, mesh, Role.SUPPORT)
+
+
+def scene(glow, capture=CAPTURE, sunlight=0.0, floors=None, albedo=lambda points: ALBEDO):
+    """A sky that sends 1, a grey floor under it, and a panel that sends ``glow``; and the surface in each pixel.
+
+    Args:
+        glow: radiance of the panel.
+        capture: capture point.
+        sunlight: irradiance of the floor by ``SUN``, in whose way the panel stands.
+        floors: the floor as modelled, in one piece by default.
+        albedo: of points of the floor.
+    """
+    floors = floors or (floor("floor", -4.0, 4.0),)
     standing = RealSurface("panel", panel(), Role.ENVIRONMENT, removed=True)
     directions = pixel_directions(WIDTH // 2, WIDTH).reshape(-1, 3)
-    hits = RayCaster([floor.mesh, standing.mesh]).cast(CAPTURE, directions)
+    whole = floor("floor", -4.0, 4.0).mesh
+    hits = RayCaster([whole, standing.mesh]).cast(capture, directions)
     met = np.where(np.isfinite(hits.distance), hits.mesh, 2)
     shown = np.select([met == 1, met == 2], [glow, 1.0], 0.0)
-    factor = form_factor(CAPTURE + hits.distance[met == 0, None] * directions[met == 0])
-    shown[met == 0] = ALBEDO * (1.0 + factor * (glow - 1.0))
+    points = capture + hits.distance[met == 0, None] * directions[met == 0]
+    toward = np.broadcast_to(SUN, points.shape)
+    shaded = np.isfinite(RayCaster([standing.mesh]).cast(points + 1e-4 * SUN, toward).distance)
+    light = 1.0 + form_factor(points) * (glow - 1.0) + sunlight / np.pi * ~shaded
+    shown[met == 0] = albedo(points) * light
     radiance = np.repeat(shown.reshape(WIDTH // 2, WIDTH, 1), 3, axis=2).astype(np.float32)
-    panorama = Panorama(radiance, CAPTURE, np.eye(3), sky=True)
-    camera = CameraView(Equirectangular(type="equirectangular", width=WIDTH), CAPTURE, np.eye(3))
-    settings = RenderSettings(irradiance_samples=128)
-    return Scene(panorama, (floor, standing), (), {"pano": camera}, settings), met.reshape(WIDTH // 2, WIDTH)
+    panorama = Panorama(radiance, capture, np.eye(3), sky=True)
+    camera = CameraView(Equirectangular(type="equirectangular", width=WIDTH), capture, np.eye(3))
+    lights = (SunLight("sun", SUN, 0.2, np.full(3, sunlight / SUN[2])),) if sunlight else ()
+    place = Scene(panorama, (*floors, standing), (), {"pano": camera}, RenderSettings(irradiance_samples=128))
+    return replace(place, lights=lights), met.reshape(WIDTH // 2, WIDTH)
 
 
 @pytest.mark.parametrize("glow", [0.02, 6.0])
@@ -91,11 +111,38 @@ def test_shadow_light_and_panel_are_gone(glow):
 
 @pytest.mark.parametrize("method", ["envpath", "directional"])
 def test_other_methods_refuse_it(method):
-    with pytest.raises(InputError, match="removed = true|removes nothing"):
+    with pytest.raises(InputError, match=f"method '{method}' cannot remove"):
         lightdepth.render(scene(1.0)[0], "pano", samples=1, method=method)
 
 
-def test_a_declared_sun_refuses_it():
-    sun = SunLight("sun", np.array([0.0, 0.0, 1.0]), 0.5, np.ones(3))
-    with pytest.raises(InputError, match='"panel": removed = true and .*sun'):
-        METHODS["difference"](replace(scene(1.0)[0], lights=(sun,)))
+def test_the_sun_shines_where_it_stood():
+    place, surface = scene(0.5, capture=np.array([0.2, -0.3, 0.6]), sunlight=2.0)  # in its shadow
+    frame = lightdepth.render(place, "pano", samples=8)
+    before, lit = place.panorama.radiance[..., 0], ALBEDO * (1.0 + 2.0 / np.pi)
+    shadow = (surface == 0) & (frame.coverage == 0.0) & (before < 0.8 * lit)
+    assert shadow.sum() > 400
+    assert frame.beauty[shadow].mean() == pytest.approx(lit, rel=0.01)
+    assert np.abs(frame.beauty[shadow].mean(axis=1) - lit).mean() < 0.05 * lit
+    # The panorama has one sample a pixel: its shadow has no smooth edge.
+    near = ndimage.binary_dilation(shadow | (surface == 1), iterations=2)
+    beside = (surface == 0) & (frame.coverage == 0.0) & ~near
+    assert frame.beauty[beside].mean() == pytest.approx(lit, rel=0.003)
+    np.testing.assert_allclose(frame.beauty[beside].mean(axis=1), lit, rtol=0.1)
+
+
+def test_rest_positions_say_what_was_behind_it():
+    def halves(points):
+        return np.where(points[:, 1] < 0.0, 0.3, 0.7)
+
+    pieces = floor("floor", -4.0, HIGH[0] + 0.005), floor("behind", HIGH[0] + 0.005, 4.0, rest=True)
+    place, surface = scene(2.0, floors=pieces, albedo=halves)
+    frame = lightdepth.render(place, "pano", samples=8)
+    behind = (surface == 1) & (frame.normal[..., 2] > 0.9)
+    directions = pixel_directions(WIDTH // 2, WIDTH)
+    distance = -CAPTURE[2] / np.where(behind, directions[..., 2], -1.0)
+    points = CAPTURE + distance[..., None] * directions
+    for side, albedo in ((-1.0, 0.3), (1.0, 0.7)):
+        # Not at the edges of the pattern and of the floor, which pixels of the panorama mix with what is beside them.
+        shown = behind & (side * points[..., 1] > 0.3) & (np.abs(points[..., 0] - 2.7) < 0.5)
+        assert shown.sum() > 10
+        assert frame.beauty[shown].mean() == pytest.approx(albedo, rel=0.02)

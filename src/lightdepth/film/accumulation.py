@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 
@@ -109,6 +110,8 @@ class Accumulator:
                 getattr(result, field.name)[part] = getattr(means, field.name)
         if finish:
             del self._change, self._synthetic, self._squares, self._covered
+            if self._light is not None:
+                self._light.release()
         return result
 
     def relative_errors(self, floor: float, exponent: float = 1.0, with_light: bool = True) -> NDArray[np.float32]:
@@ -136,24 +139,27 @@ class Accumulator:
         Args:
             floor: radiance that is added to the brightness.
         """
-        count = len(self._pixels)
-        grey, brightness, coverage = (np.empty(count, np.float32) for _ in range(3))
-        for part, means in self._means(self._sums()):
-            new = (means.change + means.synthetic).mean(axis=1)
-            grey[part], coverage[part] = new, means.coverage
+        count, beside = len(self._pixels), AROUND // 2
+        errors = np.zeros(count, np.float32)
+        total, pairs = 0.0, 0
+        for first in range(0, count, PIXELS_AT_ONCE):
+            last = min(first + PIXELS_AT_ONCE, count)
+            part = slice(max(first - beside, 0), min(last + beside, count))
+            means, single = self._means_of(self._sums(), part), self.taken[part] == 1
+            grey = (means.change + means.synthetic).mean(axis=1)
             plate = self._plate[self._pixels[part]].mean(axis=1)
-            brightness[part] = np.maximum(plate * (1.0 - means.coverage) + new, 0.0)
-        single = self.taken == 1
-        pair = np.flatnonzero(single[:-1] & single[1:] & (np.diff(self._pixels.astype(np.int64)) == 1))
-        pair = pair[coverage[pair] == coverage[pair + 1]]
-        if not len(pair):
-            return np.where(single, np.float32(np.inf), np.float32(0.0))
-        # The brightness of a single sample is as uncertain as the sample.
-        around = np.convolve(brightness, np.full(AROUND, 1.0 / AROUND), "same")[pair] + floor
-        squared = np.full(count, np.nan)
-        squared[pair] = 0.5 * np.square((grey[pair + 1] - grey[pair]) / around)
-        squared[np.isnan(squared)] = float(np.mean(squared[pair]))
-        return np.where(single, np.sqrt(squared), 0.0).astype(np.float32)
+            brightness = np.maximum(plate * (1.0 - means.coverage) + grey, 0.0)
+            pair = np.flatnonzero(single[:-1] & single[1:] & (np.diff(self._pixels[part]) == 1))
+            pair = pair[(pair >= first - part.start) & (pair < last - part.start)]
+            pair = pair[means.coverage[pair] == means.coverage[pair + 1]]
+            # The brightness of a single sample is as uncertain as the sample.
+            around = np.convolve(brightness, np.full(AROUND, 1.0 / AROUND), "same")[pair] + floor
+            squared = 0.5 * np.square((grey[pair + 1] - grey[pair]) / around)
+            total, pairs = total + float(squared.sum()), pairs + len(pair)
+            errors[first:last][single[first - part.start : last - part.start]] = np.nan
+            errors[part][pair] = np.sqrt(squared)
+        errors[np.isnan(errors)] = math.sqrt(total / pairs) if pairs else math.inf
+        return errors
 
     def change_and_brightness(self, floor: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Size of the change of each pixel, and its brightness with ``floor`` added, each shape (n,), float32."""
@@ -174,27 +180,31 @@ class Accumulator:
         return Estimates(change, synthetic, self._covered.numpy()[:count], squares)
 
     def _means(self, sums: Estimates, with_light: bool = True) -> Iterator[tuple[slice, Estimates]]:
-        """The means part by part, so that a large image needs no large temporaries.
+        """The means part by part, so that a large image needs no large temporaries."""
+        for first in range(0, len(self._pixels), PIXELS_AT_ONCE):
+            part = slice(first, min(first + PIXELS_AT_ONCE, len(self._pixels)))
+            yield part, self._means_of(sums, part, with_light)
+
+    def _means_of(self, sums: Estimates, part: slice, with_light: bool = True) -> Estimates:
+        """The means of some pixels of the list.
 
         A finished sample is ``x + (1 - c) P`` with ``x`` what is new, ``P`` the plate and ``c`` whether it is covered,
         so that its variance is ``var x - 2 P cov(x, c) + P^2 var c``. Of ``x``, only ``synthetic`` occurs with ``c``.
         """
-        for first in range(0, len(self._pixels), PIXELS_AT_ONCE):
-            part = slice(first, min(first + PIXELS_AT_ONCE, len(self._pixels)))
-            count = np.maximum(self.taken[part], 1).astype(np.float32)
-            change, synthetic = sums.change[part] / count[:, None], sums.synthetic[part] / count[:, None]
-            coverage = sums.coverage[part] / count
-            plate, mean = self._plate[self._pixels[part]], change + synthetic
-            # Both are exactly 0 where a pixel is covered wholly: a lamp behind it does not swamp the variance.
-            covariance = synthetic - mean * coverage[:, None]
-            plate_variance = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
-            variance = sums.variance[part] / count[:, None] - np.square(mean) + plate_variance
-            variance = np.maximum(variance, 0.0) / np.maximum(count - 1.0, 1.0)[:, None]
-            if with_light and self._light is not None:
-                light_change, light_synthetic, light_variance = self._light.means(part)
-                change, synthetic = change + light_change, synthetic + light_synthetic
-                variance = variance + light_variance
-            yield part, Estimates(change, synthetic, coverage, variance)
+        count = np.maximum(self.taken[part], 1).astype(np.float32)
+        change, synthetic = sums.change[part] / count[:, None], sums.synthetic[part] / count[:, None]
+        coverage = sums.coverage[part] / count
+        plate, mean = self._plate[self._pixels[part]], change + synthetic
+        # Both are exactly 0 where a pixel is covered wholly: a lamp behind it does not swamp the variance.
+        covariance = synthetic - mean * coverage[:, None]
+        plate_variance = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
+        variance = sums.variance[part] / count[:, None] - np.square(mean) + plate_variance
+        variance = np.maximum(variance, 0.0) / np.maximum(count - 1.0, 1.0)[:, None]
+        if with_light and self._light is not None:
+            light_change, light_synthetic, light_variance = self._light.means(part)
+            change, synthetic = change + light_change, synthetic + light_synthetic
+            variance = variance + light_variance
+        return Estimates(change, synthetic, coverage, variance)
 
 
 def _add(total: mi.Float, value: mi.Float, index: mi.UInt32) -> None:

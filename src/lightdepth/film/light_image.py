@@ -128,6 +128,10 @@ class LightImage:
                 np.add.at(sums[:, channel], slot[chosen], values[chosen, channel])
         np.add.at(self._squares, slot[useful], np.square(values[useful]).mean(axis=1))
 
+    def release(self) -> None:
+        """Give back the memory of the sums; nothing can be added or asked afterwards."""
+        del self._change, self._synthetic, self._squares, self._slots
+
     def means(self, part: slice) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """Change and synthetic radiance of some pixels of the list and the variance of their sum, shapes (k, 3).
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Viewpoint
 from lightdepth.errors import InputError
 from lightdepth.film.accumulation import Accumulator
-from lightdepth.film.allocation import Allocation
+from lightdepth.film.allocation import Allocation, Sharing
 from lightdepth.film.auxiliary import render_auxiliary
 from lightdepth.film.cryptomatte import shape_names
 from lightdepth.film.frame import CAMERA, EXPOSURE, PLATE_GAIN, Frame
@@ -28,7 +28,7 @@ from lightdepth.film.pixel_list import PixelList
 from lightdepth.film.plate import kept_plate, render_shares
 from lightdepth.film.sampling import Sampling
 from lightdepth.film.schedule import Region, Round, Target, passes, pilot_samples
-from lightdepth.film.selection import influenced_pixels, matte_support
+from lightdepth.film.selection import influenced_pixels, shown_in_the_middle
 from lightdepth.film.shared_errors import ListUse, SharedErrors
 from lightdepth.film.sums import Origin, PixelSums, Share
 from lightdepth.images.tonemapping import auto_exposure
@@ -120,8 +120,9 @@ class Rendering:
         self._support, shared = None, None
         if sharing is not None:
             with DEVICE_LOCK:
-                self._support = matte_support(view, prepared)
-            shared = np.where(self._support.reshape(-1)[self.pixels], np.int32(sharing), np.int32(1))
+                self._support, unchanged = shown_in_the_middle(view, prepared)
+            frames = np.where(self._support.reshape(-1)[self.pixels], np.int32(sharing), np.int32(1))
+            shared = Sharing(frames, unchanged.reshape(-1)[self.pixels])
         self._allocation = Allocation(self._list, self._accumulator, self.errors, self._parameters, shared)
         self._round: Round | None = None
         self._digests: tuple[str, str] | None = None
