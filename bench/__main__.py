@@ -53,11 +53,16 @@ def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> N
 
 
 @app.command()
-def captures(quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False) -> None:
-    """One, two and three captures of the L-shaped room, and a camera that travels through it."""
+def captures(
+    place: Annotated[list[str] | None, typer.Option(help="The places to measure; all by default. Repeat it.")] = None,
+    quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False,
+) -> None:
+    """One, two and three captures of a room, and a camera that travels through it."""
+    from bench.captures import JOURNEYS
     from bench.captures import captures as measure
 
-    _print_table(measure(quick, console))
+    for table in measure(place or list(JOURNEYS), quick, console):
+        _print_table(table)
 
 
 @app.command()
@@ -109,10 +114,14 @@ def truth(
 
 @app.command()
 def gloss(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> None:
-    """A polished floor from a camera elsewhere, with and without its gloss; print the errors."""
+    """A polished floor from a camera elsewhere, with and without its gloss; the errors are printed and kept."""
     from bench.gloss import table
+    from bench.missing_light import keep
 
-    _print_table(table(quick, console))
+    measured = table(quick, console)
+    if not quick:
+        keep("gloss", [measured])
+    _print_table(measured)
 
 
 @app.command()

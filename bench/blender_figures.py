@@ -16,7 +16,7 @@ from pathlib import Path
 import bpy
 from session import add_camera, as_exr, begin, cycles, module, room
 
-COUNTS = (1_000, 10_000, 100_000)
+COUNTS = (1_000, 10_000, 20_000, 100_000)
 OBJECTS = (1_000, 10_000)
 FRAMES = 6
 TICKS = os.sysconf("SC_CLK_TCK")

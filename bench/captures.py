@@ -1,13 +1,13 @@
 """One, two and three captures of a room: what stays hidden, and what a camera that travels 4 m sees of it.
 
-``python -m bench captures``. The L-shaped room is photographed from up to three capture points; a camera goes from the
-first one around the corner into the far leg, whose walls the first one does not see.
+``python -m bench captures``. Each room is photographed from up to three capture points; a camera goes from the first one
+to where the first one does not see.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -20,7 +20,7 @@ from rich.console import Console
 
 import lightdepth
 from bench.measures import display, find_regions
-from bench.places import l_shaped_room
+from bench.places import l_shaped_room, studio_flat
 from bench.places.objects import Point
 from bench.places.place import Place
 from bench.run import RESULTS
@@ -32,15 +32,71 @@ from lightdepth.kernel.start import start
 from lightdepth.scene.meshes.geometry import face_areas
 from lightdepth.scene.model import Panorama, RenderSettings, Scene
 
-CAPTURES: tuple[Point, ...] = ((-1.2, -0.4, 1.5), (2.0, 2.6, 1.5), (1.9, -1.2, 1.5))
-"""The first is the room's own; the second stands in the far leg, the third in the corner between."""
-WAY: tuple[Point, ...] = ((-1.2, -0.8, 1.5), (1.9, -0.3, 1.5), (2.1, 0.6, 1.5))
-TARGETS: tuple[Point, ...] = ((0.75, 0.5, 0.4), (1.4, 1.8, 0.8), (1.5, 4.0, 1.0))
+
+@dataclass(frozen=True)
+class Journey:
+    """Capture points of a place, and a camera that travels through it.
+
+    Attributes:
+        place: what is photographed.
+        points: where from; the first is the place's own.
+        way: corners of the way that the camera goes, 4 m long.
+        targets: what it looks at there.
+    """
+
+    place: Callable[[str], Place]
+    points: tuple[Point, ...]
+    way: tuple[Point, ...]
+    targets: tuple[Point, ...]
+
+    @property
+    def length(self) -> float:
+        """Metres of the way."""
+        return float(np.linalg.norm(np.diff(self.way, axis=0), axis=1).sum())
+
+    def at(self, share: float) -> tuple[Point, Point]:
+        """Position and target of the camera at a share of its way."""
+        legs = np.linalg.norm(np.diff(self.way, axis=0), axis=1)
+        ends = np.concatenate([[0.0], np.cumsum(legs)]) / legs.sum()
+        position, target = (
+            tuple(float(np.interp(share, ends, column)) for column in np.transpose(points))
+            for points in (self.way, self.targets)
+        )
+        return position, target  # type: ignore[return-value]
+
+    def seen(self, place: Place, share: float, width: int) -> Place:
+        """The place with its camera ``view`` at a share of the way."""
+        position, target = self.at(share)
+        size = {"width": width, "height": 3 * width // 4}
+        return replace(place, view=Perspective(type="perspective", **size, fov=FOV, position=position, look_at=target))
+
+    def shares(self, effort: Effort) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Shares of the way of the frames for the error, and of those close together."""
+        close = 0.6 + (np.arange(effort.close) - effort.close // 2) * 0.04 / self.length
+        return np.linspace(0.0, 1.0, effort.frames), close
+
+
+JOURNEYS = {
+    # Around the inner corner into the far leg, where the second capture stands; the third is in the corner between.
+    "l_shaped_room": Journey(
+        l_shaped_room,
+        ((-1.2, -0.4, 1.5), (2.0, 2.6, 1.5), (1.9, -1.2, 1.5)),
+        ((-1.2, -0.8, 1.5), (1.9, -0.3, 1.5), (2.1, 0.6, 1.5)),
+        ((0.75, 0.5, 0.4), (1.4, 1.8, 0.8), (1.5, 4.0, 1.0)),
+    ),
+    # Past the bookcase into the part behind it. The second capture is in the passage, the third behind the bookcase.
+    "studio_flat": Journey(
+        studio_flat,
+        ((-1.3, 0.9, 1.5), (1.0, -1.35, 1.5), (1.7, 1.2, 1.5)),
+        ((-1.6, 0.5, 1.5), (0.0, -1.3, 1.5), (1.4, -0.6, 1.5)),
+        ((0.0, -1.0, 0.8), (1.4, 0.3, 0.6), (1.5, 1.7, 0.5)),
+    ),
+}
 FOV = 65.0
 ENLARGED = 2
 """Times that the picture's pixels are repeated."""
 KEPT = RESULTS / "captures.json"
-PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "captures-l-shaped-room.jpg"
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 
 
 @dataclass(frozen=True)
@@ -70,36 +126,11 @@ FULL = Effort((1024, 256), 192, 17, 25, 1024, 256, 1024)
 QUICK = Effort((512, 64), 96, 7, 9, 256, 64, 256)
 
 
-def on_way(share: float) -> tuple[Point, Point]:
-    """Position and target of the camera at a share of its way."""
-    legs = np.linalg.norm(np.diff(WAY, axis=0), axis=1)
-    ends = np.concatenate([[0.0], np.cumsum(legs)]) / legs.sum()
-    position, target = (
-        tuple(float(np.interp(share, ends, column)) for column in np.transpose(points)) for points in (WAY, TARGETS)
-    )
-    return position, target  # type: ignore[return-value]
-
-
-def seen_from(place: Place, share: float, width: int) -> Place:
-    """The place with its camera ``view`` at a share of the way."""
-    position, target = on_way(share)
-    height = 3 * width // 4
-    view = Perspective(type="perspective", width=width, height=height, fov=FOV, position=position, look_at=target)
-    return replace(place, view=view)
-
-
-def shares_of_way(effort: Effort) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Shares of the way of the frames for the error, and of those close together."""
-    length = float(np.linalg.norm(np.diff(WAY, axis=0), axis=1).sum())
-    close = 0.6 + (np.arange(effort.close) - effort.close // 2) * 0.04 / length
-    return np.linspace(0.0, 1.0, effort.frames), close
-
-
-def captured(place: Place, count: int, effort: Effort) -> Scene:
+def captured(journey: Journey, place: Place, count: int, effort: Effort) -> Scene:
     """The scene of the first ``count`` captures."""
-    first = replace(place, position=CAPTURES[0]).scene(*effort.photograph)
+    first = replace(place, position=journey.points[0]).scene(*effort.photograph)
     further = []
-    for position in CAPTURES[1:count]:
+    for position in journey.points[1:count]:
         there = replace(place, position=position)
         seen = photograph(there, *effort.photograph).mean.astype(np.float32)
         further.append(Panorama(seen, np.asarray(position), there.camera("panorama", 8).rotation))
@@ -107,22 +138,40 @@ def captured(place: Place, count: int, effort: Effort) -> Scene:
     return replace(first, further=tuple(further), render=settings)
 
 
-def captures(quick: bool, console: Console) -> dict[str, Any]:
-    """Measure; write ``bench/results/captures.json`` and the picture.
+def captures(names: Sequence[str], quick: bool, console: Console) -> list[dict[str, Any]]:
+    """Measure; write ``bench/results/captures.json``, where other places keep their figures, and a picture of each place.
+
+    Args:
+        names: of :data:`JOURNEYS`.
+        quick: small images and few samples.
+        console: where progress is shown.
 
     Returns:
-        A table: title, head and rows.
+        A table for each place: title, head and rows.
     """
     start()
-    effort = QUICK if quick else FULL
-    place = l_shaped_room("mixed")
-    far, close = shares_of_way(effort)
-    truths, empties = ([_truth(place, s, effort, objects) for s in far] for objects in (True, False))
-    close_truth = [_truth(place, s, effort, False).mean for s in close]
+    kept = json.loads(KEPT.read_text()) if KEPT.is_file() else {}
+    for name in names:
+        kept[name] = _table(name, JOURNEYS[name], QUICK if quick else FULL, console)
+        RESULTS.mkdir(parents=True, exist_ok=True)
+        KEPT.write_text(json.dumps({each: kept[each] for each in JOURNEYS if each in kept}, indent=1) + "\n")
+    return [kept[name] for name in names]
+
+
+def _table(name: str, journey: Journey, effort: Effort, console: Console) -> dict[str, Any]:
+    place = journey.place("mixed")
+    far, close = journey.shares(effort)
+
+    def path_traced(share: float, objects: bool) -> Estimate:
+        seen = journey.seen(place, share, effort.width)
+        return truth(seen, "view", effort.width, effort.truth_samples, objects)
+
+    truths, empties = ([path_traced(share, objects) for share in far] for objects in (True, False))
+    close_truth = [path_traced(share, False).mean for share in close]
     rows, strips = [], [np.concatenate([each.mean for each in truths[:: len(truths) // 3]], axis=1)]
-    for count in range(1, len(CAPTURES) + 1):
-        scene = captured(place, count, effort)
-        row, strip = _measured(scene, place, effort, truths, empties, close_truth)
+    for count in range(1, len(journey.points) + 1):
+        scene = captured(journey, place, count, effort)
+        row, strip = _measured(journey, scene, place, effort, truths, empties, close_truth)
         rows.append([str(count), *row])
         strips.append(strip)
         console.print("  ".join(rows[-1]), highlight=False)
@@ -134,24 +183,19 @@ def captures(quick: bool, console: Console) -> dict[str, Any]:
         "largest change from frame to frame, of the truth's",
     ]
     title = (
-        f"l_shaped_room, a camera that travels 4 m in {effort.frames} frames, {effort.width} pixels wide; panoramas of "
+        f"{name}, a camera that travels 4 m in {effort.frames} frames, {effort.width} pixels wide; panoramas of "
         f"{effort.photograph[0]} pixels with {effort.photograph[1]} samples"
     )
-    table = {"title": title, "head": head, "rows": rows}
-    RESULTS.mkdir(parents=True, exist_ok=True)
-    KEPT.write_text(json.dumps(table, indent=1) + "\n")
     exposure = 0.4 / float(np.median(strips[0]))
     shown = np.concatenate([display(exposure * strip) for strip in strips])
     enlarged = shown.repeat(ENLARGED, axis=0).repeat(ENLARGED, axis=1)
-    cv2.imwrite(str(PICTURE), (255.0 * enlarged[..., ::-1] + 0.5).astype(np.uint8))
-    return table
-
-
-def _truth(place: Place, share: float, effort: Effort, objects: bool) -> Estimate:
-    return truth(seen_from(place, share, effort.width), "view", effort.width, effort.truth_samples, objects)
+    picture = PICTURES / f"captures-{name.replace('_', '-')}.jpg"
+    cv2.imwrite(str(picture), (255.0 * enlarged[..., ::-1] + 0.5).astype(np.uint8))
+    return {"title": title, "head": head, "rows": rows, "picture": picture.name}
 
 
 def _measured(
+    journey: Journey,
     scene: Scene,
     place: Place,
     effort: Effort,
@@ -166,11 +210,11 @@ def _measured(
     areas = {surface.name: face_areas(surface.mesh.vertices, surface.mesh.faces).sum() for surface in scene.real}
     hidden = unseen_shares(scene, [look_around(scene, panorama) for panorama in scene.panoramas])
     share_hidden = sum(hidden[name] * area for name, area in areas.items()) / sum(areas.values())
-    far, close = shares_of_way(effort)
+    far, close = journey.shares(effort)
     errors: dict[str, list[float]] = {"untouched": [], "influenced": []}
     frames = []
     for share, full, empty in zip(far, truths, empties, strict=True):
-        camera = seen_from(place, share, effort.width).camera("view", effort.width)
+        camera = journey.seen(place, share, effort.width).camera("view", effort.width)
         viewed = replace(scene, cameras={"view": camera})
         frame = lightdepth.render(viewed, camera="view", samples=effort.samples)
         picture = frame.beauty.astype(np.float64)
@@ -184,7 +228,7 @@ def _measured(
     prepared = prepare_place(scene)
     plates = []
     for share in close:
-        camera = seen_from(place, share, effort.width).camera("view", effort.width)
+        camera = journey.seen(place, share, effort.width).camera("view", effort.width)
         plates.append(render_plate(camera, scene.panoramas, prepared.place, gains=prepared.gains)[0])
     jump = _largest_change(plates) / _largest_change(close_truth)
     untouched, influenced = (np.sqrt(np.mean(errors[region])) for region in ("untouched", "influenced"))

@@ -34,7 +34,7 @@ class Size:
     samples: int
 
 
-FULL, QUICK = Size(512, 256, 320, 256, 64), Size(256, 64, 128, 64, 16)
+FULL, QUICK = Size(1024, 64, 320, 256, 64), Size(256, 64, 128, 64, 16)
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,7 @@ class Compared:
         declared: with the true gloss.
         recovered: with the recovered one; ``None`` where there is none.
         floor: pixels whose middle shows the floor, behind objects or not, shape (height, width).
+        objects: pixels that show objects alone.
         found: the recovered gloss.
     """
 
@@ -57,16 +58,21 @@ class Compared:
     declared: tuple[NDArray[np.float32], NDArray[np.float32]]
     recovered: tuple[NDArray[np.float32], NDArray[np.float32]] | None
     floor: NDArray[np.bool_]
+    objects: NDArray[np.bool_]
     found: RecoveredGloss
 
-    def errors(self, picture: tuple[NDArray[np.float32], NDArray[np.float32]]) -> tuple[float, float]:
-        """Root mean square error of 8 by 8 means, relative to the mean: of the empty floor, and with the objects on it.
+    def errors(self, picture: tuple[NDArray[np.float32], NDArray[np.float32]]) -> tuple[float, float, float, float]:
+        """Root mean square error of 8 by 8 means, relative to the mean.
 
-        Not of the walls: at the windows' edges, the photograph's resolution is what limits the plate.
+        Of the empty floor, of the floor with objects on it, of the objects, and of the whole picture. The photograph's
+        resolution limits the last one, at the windows' edges.
         """
+        everything = np.ones_like(self.floor)
         return (
             block_error(picture[1], self.empty.mean, self.floor),
             block_error(picture[0], self.truth.mean, self.floor),
+            block_error(picture[0], self.truth.mean, self.objects),
+            block_error(picture[0], self.truth.mean, everything),
         )
 
 
@@ -99,6 +105,7 @@ def compare(place: Place, size: Size, console: Console | None = None) -> Compare
         rendered(finish.gloss),
         None if found.gloss is None else rendered(Gloss(found.gloss.roughness, found.gloss.specular)),
         floor_of(place, scene.cameras["view"]),
+        full.coverage == 1.0,
         found,
     )
 
@@ -150,7 +157,10 @@ def table(quick: bool, console: Console) -> dict[str, Any]:
         recovered = found.found.finding if gloss is None else f"{gloss.roughness:.3f}, {gloss.specular:.2f}"
         rows.append([f"{roughness:.2f}, 0.50", f"{recovered} ({found.found.confidence})", *errors])
     return {
-        "title": "polished_room, camera 1 m beside: 8x8 error of the floor, empty / with objects",
+        "title": (
+            f"polished_room, camera 1 m beside, panorama {size.photograph} pixels wide: error of 8x8 means of the empty "
+            "floor / of it with objects / of the objects / of the whole picture"
+        ),
         "head": ["gloss", "recovered (confidence)", "without", "true gloss", "recovered gloss"],
         "rows": rows,
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from lightdepth.film.frame import Frame
 from lightdepth.images.png import write_png
 from lightdepth.images.tonemapping import tone_map
 from lightdepth.kernel.start import start
+from lightdepth.scene.identity import scene_digest
 from lightdepth.scene.model import AnalyticShape, CameraView, Scene, SyntheticObject
 from lightdepth.sequence.film_motion import needed_instants
 from lightdepth.sequence.motion_blur import MotionBlur
@@ -140,23 +142,51 @@ class _Kept:
     """Takes the finished frame."""
 
     file: Path | None = None
-    layers = ("variance",)
     frame: Frame
+
+    def __init__(self, layers: Collection[str] | None) -> None:
+        self.layers = layers
 
     def show(self, frame: Frame, finished: bool) -> None:
         self.frame = frame
 
 
-def rendered(scene: Scene, place: Place, moving: str, count: int, spent: Spent) -> Frame:
-    """The frame with motion blur, of ``count`` instants."""
+def rendered(
+    scene: Scene, place: Place, moving: str, count: int, spent: Spent, number: int = 0, sharing: int | None = None
+) -> Frame:
+    """A frame with motion blur, of ``count`` instants.
+
+    Args:
+        scene: the place.
+        place: the same.
+        moving: ``objects`` or ``camera``.
+        count: how many instants.
+        spent: samples.
+        number: of the frame, each of which goes on where the one before ends; 0 is that of the truth.
+        sharing: frames that share its samples; ``None`` for a frame of its own.
+    """
     scenes = []
     for at in _times(count):
-        there, camera = _at(place, scene.cameras["view"], moving, float(at))
+        there, camera = _at(place, scene.cameras["view"], moving, float(at) + number)
         scenes.append(replace(scene, synthetic=there.objects, cameras={"view": camera}))
-    kept = _Kept()
-    job = Job(camera="view", samples=spent.samples, seed=5, cache=False)
+    kept = _Kept(("variance",) if sharing is None else None)
+    job = Job(camera="view", samples=spent.samples, seed=5 + 100 * number % 10007, cache=False, sharing=sharing)
     MotionBlur(scenes, job).render([kept], "cpu", lambda event: None)
     return kept.frame
+
+
+def shared(scene: Scene, place: Place, moving: str, count: int, spent: Spent, reach: int) -> tuple[Frame, Frame]:
+    """A frame with motion blur as its own samples give it, and with those of the frames around it."""
+    from lightdepth.sequence.temporal_reuse import SampledFrame, reuse
+
+    sampled = {}
+    for number in range(-reach, reach + 1):
+        frame = rendered(scene, place, moving, count, spent, number, reach + 1)
+        there, view = _at(place, scene.cameras["view"], moving, float(number))
+        digest = scene_digest(replace(scene, synthetic=there.objects))
+        sampled[number] = SampledFrame(frame, view, digest)
+    sides = [[sampled[sign * away] for away in range(1, reach + 1)] for sign in (-1, 1)]
+    return sampled[0].frame, reuse(sampled[0].frame, sampled[0], sides)
 
 
 def _picture(frame: Frame, empty: Estimate, moving: str) -> NDArray[np.float64]:

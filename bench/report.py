@@ -194,12 +194,12 @@ def _wrong_models(results: dict[str, Any], place: str) -> Iterator[str]:
 
 
 def missing_light() -> Iterator[str]:
-    """Suns and clipped light, declared and recovered, as ``python -m bench suns`` and ``clipped`` measured them."""
+    """Suns, clipped light and gloss, as ``python -m bench suns``, ``clipped`` and ``gloss`` measured them."""
     tables = kept_missing_light()
     if tables:
         yield "## Light that the photograph lacks\n"
         yield (
-            "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
+            "Measured with `python -m bench suns`, `clipped` and `gloss`; see [Light that the photograph lacks]"
             "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
             "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
             "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
@@ -230,19 +230,23 @@ def _foreign() -> Iterator[str]:
 
 def _captures() -> Iterator[str]:
     """Several captures of one room, which ``python -m bench captures`` measured."""
-    table = json.loads(CAPTURES.read_text()) if CAPTURES.is_file() else None
-    if table:
+    tables = json.loads(CAPTURES.read_text()) if CAPTURES.is_file() else {}
+    if tables:
         yield "## Several captures of one room\n"
         yield (
-            "Measured with `python -m bench captures`. A camera travels from the first capture point of the L-shaped room "
-            "around the corner into the far leg, of which the first capture sees next to nothing; the second stands there, "
-            "the third in the corner. Errors are root mean squares over all frames. The change from frame to frame is that "
-            "of plates 4 cm apart in the middle of the way, the largest that one pixel in a hundred exceeds; what is above "
-            "the truth's is the noise of the panoramas, which moves with the surfaces.\n"
+            "Measured with `python -m bench captures`. In the L-shaped room a camera travels from the first capture "
+            "point around the corner into the far leg, of which the first capture sees next to nothing; the second "
+            "stands there, the third in the corner. The flat is furnished, and a bookcase divides it: the camera goes "
+            "past it into the part behind. The second capture is in the passage, the third behind the bookcase; what "
+            "none sees there is the far side of furniture. Errors are root mean squares over all frames. The change "
+            "from frame to frame is that of plates 4 cm apart in the middle of the way, the largest that one pixel in "
+            "a hundred exceeds; what is above the truth's is the noise of the panoramas, which moves with the "
+            "surfaces.\n"
         )
+    for table in tables.values():
         yield f"**{table['title']}**\n"
         yield _table(table["head"], table["rows"])
-        yield "![Truth, and one, two and three captures, along the way](pictures/captures-l-shaped-room.jpg)\n"
+        yield f"![Truth, and one, two and three captures, along the way](pictures/{table['picture']})\n"
 
 
 def _boxes() -> Iterator[str]:

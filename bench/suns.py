@@ -78,7 +78,7 @@ def _room(name: str, effort: Effort, console: Console) -> Room:
     place = PLACES[name](effort.objects)
     shot, truth = take_shot(place, "view", effort)
     found = recover_sun(replace(scene_of(shot), lights=()))
-    recovered = SunLight("recovered", found.direction, found.diameter, found.irradiance.value)
+    recovered = found.light("recovered")
     return Room(name, shot, truth, place.sun(), recovered)
 
 

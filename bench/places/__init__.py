@@ -8,6 +8,7 @@ from bench.places.l_shaped_room import l_shaped_room
 from bench.places.lamp_and_window import lamp_and_window
 from bench.places.place import Finish, Part, Place
 from bench.places.polished_room import polished_room
+from bench.places.studio_flat import studio_flat
 from bench.places.sun import Sun
 from bench.places.sunlit_room import sunlit_room
 
@@ -31,5 +32,6 @@ __all__ = [
     "l_shaped_room",
     "lamp_and_window",
     "polished_room",
+    "studio_flat",
     "sunlit_room",
 ]

@@ -12,10 +12,14 @@ from . import (
     engine,
     evaluation,
     export,
+    matching,
     meshfolder,
     modelling,
     panels,
     panorama,
+    photographimport,
+    photographpanels,
+    photographs,
     preferences,
     process,
     properties,
@@ -39,8 +43,12 @@ _MODULES = (
     checking,
     reallights,
     cameraimport,
+    photographs,
+    photographimport,
+    matching,
     engine,
     panels,
+    photographpanels,
 )
 
 

@@ -47,6 +47,7 @@ class ClickCorners(picking.Clicks, bpy.types.Operator):
         if self._editor == "IMAGE_EDITOR":
             context.space_data.image = context.scene.lightdepth.image
             self.space_type, self.draw_stage = bpy.types.SpaceImageEditor, "POST_VIEW"
+        context.scene.lightdepth.shown = 0
         self._capture = picking.capture_pose(context.scene.lightdepth)
         return super().invoke(context, event)
 

@@ -1,5 +1,6 @@
 """The scene as Blender renders it, written as a scene file and its meshes: for F12 and for the command line alike."""
 
+import io
 import itertools
 import math
 import os
@@ -17,10 +18,11 @@ import numpy as np
 from bpy_extras.io_utils import ExportHelper
 from mathutils import Matrix
 
-from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, roles, suns, toml
+from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, photographs, roles, suns, toml
 from .evaluation import EvaluationError, unexpected, with_render_depsgraph
+from .groups import File, Group, Look, Source, Together, flat, have_area, placements
 from .meshfolder import Made, MeshFolder, digest_of
-from .motion import ANIMATION, Instance, Motion, SetFrame, decomposed, instances, observed, shutter_of
+from .motion import ANIMATION, Instance, Motion, SetFrame, gathered, instances, observed, shutter_of
 from .picking import capture_pose
 from .properties import show_lines
 
@@ -30,12 +32,8 @@ WITHOUT_LOOK = {"EMPTY", "CAMERA", "ARMATURE", "LATTICE", "SPEAKER", "LIGHT_PROB
 FAR = 100.0
 """Metres: the scene file's origin is the multiple of this that is nearest to the capture point, as single precision
 gets coarse far from the origin."""
-MERGED_FROM = 32
-"""Instances of one object by one instancer, from which on they are one mesh with one object number."""
-MERGED_TRIANGLES = 20_000_000
-"""Most triangles of such a mesh; more instances than that stay apart and share a file."""
-AT_ONCE = 1_000_000
-"""Vertices that are placed at once to find where they are."""
+INSTANCED_FROM = 32
+"""Instances of one object by one instancer, from which on they are one object with one number."""
 _RAYS = {
     "visible_camera": "camera",
     "visible_diffuse": "diffuse",
@@ -47,21 +45,6 @@ _RAYS = {
 
 class ExportError(Exception):
     """Something without which there is no scene to render."""
-
-
-@dataclass(frozen=True)
-class Source:
-    """The object of Blender that one of the scene file comes from.
-
-    Attributes:
-        name: of the object.
-        asset: name of the outermost of its parents, or its own.
-        pass_index: of the object.
-    """
-
-    name: str
-    asset: str
-    pass_index: int
 
 
 @dataclass(frozen=True)
@@ -121,73 +104,12 @@ class Exported:
             table: of the camera, in Blender's world.
         """
         table = table | {"position": [float(a - b) for a, b in zip(table["position"], self.origin, strict=True)]}
-        return replace(self, document=self.document | {"camera": {"view": table}}).text()
+        views = {name: kept for name, kept in self.document["camera"].items() if self.is_plates(name)} | {"view": table}
+        return replace(self, document=self.document | {"camera": views}).text()
 
-
-@dataclass
-class _Group:
-    """Places where one mesh with the same materials stands, each as its own object or all made by one instancer.
-
-    Attributes:
-        source: what it is in Blender.
-        key: of the mesh and its materials.
-        instanced: whether one instancer made all.
-        places: matrices, shape (4, 4).
-        ways: likewise, of each place while the shutter is open; ``None`` for one that stands still.
-    """
-
-    source: Source
-    key: tuple
-    instanced: bool
-    places: list[np.ndarray] = field(default_factory=list)
-    ways: list[list[np.ndarray] | None] = field(default_factory=list)
-
-
-@dataclass
-class _Look:
-    """A mesh and the surfaces of its slots.
-
-    Attributes:
-        name: of the object.
-        triangles: the mesh.
-        slots: names of the slots' materials.
-        surfaces: the materials.
-        shapes: the mesh at the shutter's times; ``None`` where it does not deform.
-    """
-
-    name: str
-    triangles: meshes.Triangles
-    slots: list[str]
-    surfaces: list[materials.Surface]
-    shapes: list[meshes.Triangles] | None = None
-
-    @cached_property
-    def digest(self) -> bytes:
-        """Of all that its file is made of."""
-        return digest_of(self.triangles, self.slots, self.surfaces, self.shapes)
-
-    def bounds(self, places: np.ndarray) -> np.ndarray:
-        """Smallest and largest coordinates of its vertices at places of shape (k, 4, 4), shape (k, 2, 3)."""
-        found = np.empty((len(places), 2, 3))
-        step = max(AT_ONCE // max(len(self.triangles.positions), 1), 1)
-        for start in range(0, len(places), step):
-            some = places[start : start + step]
-            points = np.einsum("kij,nj->kni", some[:, :3, :3], self.triangles.positions) + some[:, None, :3, 3]
-            found[start : start + step, 0], found[start : start + step, 1] = points.min(axis=1), points.max(axis=1)
-        return found
-
-
-@dataclass(frozen=True)
-class _File:
-    """A mesh file.
-
-    Attributes:
-        table: what an object's table says of it; nothing where there are no faces.
-        materials: of its parts.
-    """
-
-    table: dict[str, Any]
-    materials: tuple[str, ...]
+    def is_plates(self, camera: str) -> bool:
+        """Whether a camera has the plate."""
+        return self.document.get("plate", {}).get("camera") == camera
 
 
 @dataclass
@@ -204,12 +126,10 @@ class _Writer:
     objects: list[Carried] = field(default_factory=list)
     notes: dict[str, None] = field(default_factory=dict)
     names: set[str] = field(default_factory=set)
-    looks: dict[tuple, _Look | None] = field(default_factory=dict)
-    groups: dict[tuple, _Group] = field(default_factory=dict)
+    looks: dict[tuple, Look | None] = field(default_factory=dict)
+    groups: dict[Any, Group] = field(default_factory=dict)
     surfaces: dict[int, materials.Surface] = field(default_factory=dict)
-    written: dict[tuple, _File] = field(default_factory=dict)
-    alike: dict[tuple, _Group | None] = field(default_factory=dict)
-    last: _Group | None = None
+    written: dict[tuple, File] = field(default_factory=dict)
     bounds: list[np.ndarray] = field(default_factory=list)
     seen: set[int] = field(default_factory=set)
     counts: defaultdict[str, int] = field(default_factory=lambda: defaultdict(int))
@@ -243,21 +163,22 @@ class _Writer:
         """A matrix relative to the scene file's origin."""
         return Matrix.Translation(-self.origin) @ to_world
 
-    def add(self, item, to_world: np.ndarray, by_instancing: bool, instance: Instance) -> None:
-        """Add what an evaluated object, or an instance of one, is to the renderer; its matrix may be changed."""
-        if by_instancing and item.type == "MESH":  # of many that are alike only the first is looked at
-            key = (item.as_pointer(), item.data.as_pointer(), instance[1])
-            group = self.alike.get(key)
-            if group is None:
-                self._add(item, to_world, by_instancing, instance)
-                if item.lightdepth.role not in roles.REAL:
-                    self.alike[key] = self.last
-            else:
-                self._place(group, item, to_world, instance)
-        else:
-            self._add(item, to_world, by_instancing, instance)
+    def stands_apart(self, item) -> bool:
+        """Whether each instance of an object is looked at by itself."""
+        return self.motion is not None or item.type != "MESH" or item.lightdepth.role in roles.REAL
 
-    def _add(self, item, to_world: np.ndarray, by_instancing: bool, instance: Instance) -> None:
+    def add(
+        self, item, to_world: np.ndarray, by_instancing: bool, instance: Instance, together: Together | None
+    ) -> None:
+        """Add what an evaluated object, an instance of one, or instances together are to the renderer.
+
+        Args:
+            item: the object.
+            to_world: its matrix, or that of the first instance, shape (4, 4); it may be changed.
+            by_instancing: whether another object makes it.
+            instance: which it is.
+            together: the instances that are alike, where they do not stand apart.
+        """
         if item.type == "LIGHT":
             self._note_light_linking(item)
             if item.lightdepth.real_light:
@@ -272,7 +193,7 @@ class _Writer:
             if item.lightdepth.role in roles.REAL:
                 self._add_real(item, Matrix(to_world.tolist()))
             else:
-                self._add_synthetic(item, to_world, by_instancing, instance)
+                self._add_synthetic(item, to_world, by_instancing, instance, together)
         elif item.type not in WITHOUT_LOOK | WITH_SURFACE and not by_instancing:
             self.note(f"Object '{item.name}': {item.type.replace('_', ' ').lower()} objects are not carried")
 
@@ -281,11 +202,8 @@ class _Writer:
         tables, said = lights.emitters(name, item.data, to_world)
         for table in tables[1:]:
             self.names.add(table["name"])
-        camera = self.depsgraph.scene_eval.camera
-        if tables and not item.visible_camera and camera is not None and item.data.type != "SUN":
-            place = np.array(to_world.translation) + self.origin
-            if cameras.sees(camera.evaluated_get(self.depsgraph), self.depsgraph.scene_eval, place):
-                said.append(f"Light '{item.name}': the camera sees it shine; in Cycles it is not seen by cameras")
+        if not item.visible_camera:
+            tables = [table | {"visible_to_camera": False} for table in tables]
         self._append_tables(tables, _source(item))
         self.note(*said)
 
@@ -333,34 +251,33 @@ class _Writer:
         opening = settings.opening and settings.role == roles.ENVIRONMENT
         if opening:
             table["opening"] = True
+        if settings.removed:
+            table["removed"] = True
         if settings.use_gloss and settings.role in roles.REAL and not opening:
             table["gloss"] = {"roughness": settings.roughness, "specular": settings.specular}
         self.real.append(table)
 
-    def _add_synthetic(self, item, to_world, by_instancing: bool, instance: Instance) -> None:
+    def _add_synthetic(self, item, to_world, by_instancing: bool, instance: Instance, together) -> None:
         override = self.depsgraph.view_layer_eval.material_override
         worn = [override or slot.material for slot in item.material_slots]
         # Evaluated data is shared by what looks the same: linked duplicates and instances.
         key = (item.data.as_pointer(), tuple(0 if material is None else material.as_pointer() for material in worn))
         if key not in self.looks:
             self.looks[key] = self._look(item, worn, override, instance)
-        if self.looks[key] is None:
-            self.last = None
+        if self.looks[key] is None:  # it has no faces
             return
         # What an instancer makes is gathered; objects stay by themselves.
-        place = (key, *instance[:2]) if by_instancing else (key, item.name, "", len(self.groups))
+        place = (key, *instance[:2]) if by_instancing and together is None else len(self.groups)
         if place not in self.groups:
-            self.groups[place] = _Group(_source(item), key, by_instancing)
-        self.last = self.groups[place]
-        self._place(self.last, item, to_world, instance)
-
-    def _place(self, group: _Group | None, item, to_world: np.ndarray, instance: Instance) -> None:
-        if group is not None:  # or it has no faces
+            self.groups[place] = Group(_source(item), key, by_instancing, together=together, origin=self.origin)
+        group = self.groups[place]
+        if together is None:
             to_world[:3, 3] -= self.origin
-            group.places.append(to_world)
-            group.ways.append(None if self.motion is None else self.motion.ways(instance, to_world, item))
+            group.singles.append(to_world)
+            if self.motion is not None:
+                group.ways.append(self.motion.ways(instance, to_world, item))
 
-    def _look(self, item, worn, override, instance: Instance) -> _Look | None:
+    def _look(self, item, worn, override, instance: Instance) -> Look | None:
         mesh = item.to_mesh()
         try:
             triangles = None if mesh is None else meshes.triangles_of(mesh)
@@ -370,7 +287,7 @@ class _Writer:
         finally:
             item.to_mesh_clear()
         names = ["" if material is None else material.name for material in worn]
-        look = _Look(item.name, triangles, names, [self._surface(material) for material in worn])
+        look = Look(item.name, triangles, names, [self._surface(material) for material in worn])
         if self.motion is not None:
             look.shapes, alike = self.motion.deformed(instance, triangles)
             if not alike:
@@ -395,88 +312,153 @@ class _Writer:
         Args:
             closed: whether what stands beyond all real surfaces is outside the place, and not under the open sky.
         """
-        low, high = np.min([b[0] for b in self.bounds], axis=0), np.max([b[1] for b in self.bounds], axis=0)
-        for group in self.groups.values():
-            look = self.looks[group.key]
-            if not any(surface.visible for surface in look.surfaces):
-                continue
-            bounds = look.bounds(np.array(group.places))
-            outside = closed & ((bounds[:, 1] < low) | (bounds[:, 0] > high)).any(axis=1)
-            if outside.any():
-                count = f"{outside.sum()} of its instances are" if outside.sum() < len(outside) else "is"
-                self.note(f"Object '{group.source.name}': {count} outside the place and left out")
-            group.places = [place for place, out in zip(group.places, outside, strict=True) if not out]
-            group.ways = [way for way, out in zip(group.ways, outside, strict=True) if not out]
-            self._note_clipping(group, look, bounds[~outside])
-            if group.places:
-                self._write_group(group, look)
-
-    def _note_clipping(self, group: _Group, look: _Look, bounds: np.ndarray) -> None:
-        """Cameras of Blender see nothing nearer or farther than their clipping says."""
-        camera = self.depsgraph.scene_eval.camera
-        if camera is None or camera.type != "CAMERA" or not len(bounds):
+        groups = [g for g in self.groups.values() if any(each.visible for each in self.looks[g.key].surfaces)]
+        if not groups:
             return
+        places = [group.places() for group in groups]
+        ends = np.cumsum([len(some) for some in places])
+        bounds = self._bounds(groups, places)
+        low, high = np.min([b[0] for b in self.bounds], axis=0), np.max([b[1] for b in self.bounds], axis=0)
+        outside = closed & ((bounds[:, 1] < low) | (bounds[:, 0] > high)).any(axis=1)
+        nearest = self._nearest(bounds)
+        # What nothing is to be noted of is passed by without a look.
+        firsts = ends - [len(some) for some in places]
+        noted = np.logical_or.reduceat(outside | (nearest < self._clipping[1]) | (nearest > self._clipping[2]), firsts)
+        single = [
+            group.together is None or len(some) < INSTANCED_FROM for group, some in zip(groups, places, strict=True)
+        ]
+        apart = [some for some, one in zip(places, single, strict=True) if one]
+        stand = iter(placements(np.concatenate(apart)) if apart else [])
+        for group, some, first, is_noted, one in zip(
+            groups, places, firsts.tolist(), noted.tolist(), single, strict=True
+        ):
+            placed = list(itertools.islice(stand, len(some))) if one else []
+            if is_noted:
+                here = slice(first, first + len(some))
+                inside = ~outside[here]
+                self._note_outside(group, outside[here])
+                self._note_clipping(group, some[inside], nearest[here][inside])
+                some = some[inside]
+                placed = list(itertools.compress(placed, inside))
+                group.ways = list(itertools.compress(group.ways, inside))
+            if len(some):
+                self._write_group(group, some, placed)
+
+    def _bounds(self, groups: list[Group], places: list[np.ndarray]) -> np.ndarray:
+        """Bounds of all places of all groups, shape (k, 2, 3); those of one mesh are computed at once."""
+        alike: dict[tuple, list[int]] = defaultdict(list)
+        for number, group in enumerate(groups):
+            alike[group.key].append(number)
+        found: list[Any] = [None] * len(groups)
+        for key, numbers in alike.items():
+            together, first = self.looks[key].bounds(np.concatenate([places[number] for number in numbers])), 0
+            for number in numbers:
+                found[number] = together[first : first + len(places[number])]
+                first += len(places[number])
+        return np.concatenate(found)
+
+    @cached_property
+    def _clipping(self) -> tuple[np.ndarray, float, float, str]:
+        """Where the camera is, its clipping distances and its name."""
+        camera = self.depsgraph.scene_eval.camera
+        if camera is None or camera.type != "CAMERA":
+            return np.zeros(3), 0.0, math.inf, ""
         camera = camera.evaluated_get(self.depsgraph)
         eye = np.array(camera.matrix_world.translation) - self.origin
-        nearest = np.linalg.norm(np.maximum(np.maximum(bounds[:, 0] - eye, eye - bounds[:, 1]), 0.0), axis=1)
-        if (nearest < camera.data.clip_start).any():
-            for place in (group.places[i] for i in np.nonzero(nearest < camera.data.clip_start)[0]):
-                points = look.triangles.positions @ place[:3, :3].T + place[:3, 3] - eye
-                if (np.linalg.norm(points, axis=1) < camera.data.clip_start).any():
-                    self.note(f"Camera '{camera.name}': its clip start does not cut object '{group.source.name}'")
-                    break
-        if (nearest > camera.data.clip_end).any():
-            self.note(f"Camera '{camera.name}': its clip end does not cut object '{group.source.name}'")
+        return eye, camera.data.clip_start, camera.data.clip_end, camera.name
 
-    def _write_group(self, group: _Group, look: _Look) -> None:
-        count = len(look.triangles.vertices) * len(group.places)
-        if group.instanced and len(group.places) >= MERGED_FROM and count <= MERGED_TRIANGLES:
-            self._append(group, self._write(look, group.places, group.ways))
+    def _nearest(self, bounds: np.ndarray) -> np.ndarray:
+        """Distances from the camera to bounds, shape (k,)."""
+        eye = self._clipping[0]
+        beside = np.maximum(np.maximum(bounds[:, 0] - eye, eye - bounds[:, 1]), 0.0)
+        return np.sqrt((beside**2).sum(axis=1))
+
+    def _note_outside(self, group: Group, outside: np.ndarray) -> None:
+        if outside.any():
+            count = f"{outside.sum()} of its instances are" if outside.sum() < len(outside) else "is"
+            self.note(f"Object '{group.source.name}': {count} outside the place and left out")
+
+    def _note_clipping(self, group: Group, places: np.ndarray, nearest: np.ndarray) -> None:
+        """Cameras of Blender see nothing nearer or farther than their clipping says."""
+        eye, start, end, camera = self._clipping
+        triangles = self.looks[group.key].triangles
+        for place in places[nearest < start]:
+            points = triangles.positions @ place[:3, :3].T + place[:3, 3] - eye
+            if (np.linalg.norm(points, axis=1) < start).any():
+                self.note(f"Camera '{camera}': its clip start does not cut object '{group.source.name}'")
+                break
+        if (nearest > end).any():
+            self.note(f"Camera '{camera}': its clip end does not cut object '{group.source.name}'")
+
+    def _write_group(self, group: Group, places: np.ndarray, placed: list[dict[str, Any] | None]) -> None:
+        """Write what stands at places; as position, rotation and scale where these are given and stand still."""
+        look = self.looks[group.key]
+        if group.instanced and len(places) >= INSTANCED_FROM and group.ways:
+            self._append(group, self._write(look, places, group.ways))
             return
-        for place, way in zip(group.places, group.ways, strict=True):
-            placement = _placement(Matrix(place.tolist())) if way is None else self.motion.placement(way)
-            if placement is None:
-                self._append(group, self._write(look, [place], [way]))
+        if not placed:
+            self._write_instances(group, look, places)
+            return
+        for place, way, placement in zip(places, group.ways or [None] * len(places), placed, strict=True):
+            stands = placement if way is None else self.motion.placement(way)
+            if stands is None:
+                self._append(group, self._write(look, place[None], [way]))
                 continue
-            if group.key not in self.written:
-                self.written[group.key] = self._write(look)
-            self._append(group, self.written[group.key], placement)
+            self._append(group, self._shared(group, look), stands)
 
-    def _append(self, group: _Group, file: _File, placement: Mapping[str, Any] = MappingProxyType({})) -> None:
+    def _write_instances(self, group: Group, look: Look, places: np.ndarray) -> None:
+        lying = flat(places)
+        if lying.any():  # by itself: it has an area, but no volume
+            remaining = places[lying][have_area(places[lying])]
+            if len(remaining):
+                self._append(group, self._write(look, remaining))
+        if not lying.all():
+            stream = io.BytesIO()
+            np.save(stream, places[~lying, :3].astype("<f4"))
+            path = self.files.path / self.files.write(f"{look.name} places", ".npy", stream.getvalue())
+            self._append(group, self._shared(group, look), {"instances": self.relative(path)})
+
+    def _shared(self, group: Group, look: Look) -> File:
+        """The file of a mesh as it is, written once."""
+        if group.key not in self.written:
+            self.written[group.key] = self._write(look)
+        return self.written[group.key]
+
+    def _append(self, group: Group, file: File, placement: Mapping[str, Any] = MappingProxyType({})) -> None:
         if file.table:
             table = {"name": self.unique(group.source.name), **file.table, **placement}
             self._append_tables([table], group.source, file.materials)
 
     def _write(
         self,
-        look: _Look,
-        places: list[np.ndarray] | None = None,
+        look: Look,
+        places: np.ndarray | None = None,
         ways: list[list[np.ndarray] | None] | None = None,
-    ) -> _File:
+    ) -> File:
         """Write a mesh file, or find the one with the same content.
 
         Args:
             look: the mesh.
-            places: where it stands, matrices of shape (4, 4); ``None`` for as it is.
+            places: where it stands, shape (k, 4, 4); ``None`` for as it is.
             ways: of each place while the shutter is open, or ``None``.
         """
         moves = ways is not None and any(way is not None for way in ways)
         key = look.digest
         if places is not None:
-            key = digest_of(look.digest, np.array(places), ways if moves else None)
+            key = digest_of(look.digest, places, ways if moves else None)
         made = self.files.found(key)
         if made is None:
-            triangles = look.triangles if places is None else meshes.repeated(look.triangles, np.array(places))
+            triangles = look.triangles if places is None else meshes.repeated(look.triangles, places)
             made = self._made(look, triangles, self._at_times(look, places, ways) if moves or look.shapes else [])
             self.files.keep(key, made)
         self.note(*made.notes)
         if not made.files:
-            return _File({}, ())
+            return File({}, ())
         table = {"mesh": self.relative(self.files.path / made.files[0])}
-        return _File(table | ({"animation": ANIMATION} if moves or look.shapes else {}), made.materials)
+        return File(table | ({"animation": ANIMATION} if moves or look.shapes else {}), made.materials)
 
     def _at_times(
-        self, look: _Look, places: list[np.ndarray] | None, ways: list[list[np.ndarray] | None] | None
+        self, look: Look, places: np.ndarray | None, ways: list[list[np.ndarray] | None] | None
     ) -> list[meshes.Triangles]:
         """The mesh at the shutter's times; arguments as for ``_write``."""
         count = len(self.motion.shutter.times)
@@ -488,7 +470,7 @@ class _Writer:
             meshes.repeated(shape, np.array(then)) for shape, then in zip(shapes, zip(*ways, strict=True), strict=True)
         ]
 
-    def _made(self, look: _Look, triangles: meshes.Triangles, at_times: list[meshes.Triangles]) -> Made:
+    def _made(self, look: Look, triangles: meshes.Triangles, at_times: list[meshes.Triangles]) -> Made:
         folder = images.ImageFolder(self.files)
         writer = gltf.Writer(folder, self.motion.shutter.seconds if at_times else ())
         slots = np.clip(triangles.slots, 0, len(look.surfaces) - 1)
@@ -507,19 +489,6 @@ def _source(item) -> Source:
     return Source(item.name, outermost.name, item.pass_index)
 
 
-def _placement(to_world: Matrix) -> dict[str, list[float]] | None:
-    """A matrix as position, rotation and scale, or ``None`` where it shears or flattens."""
-    parts = decomposed(to_world)
-    if parts is None:
-        return None
-    position, rotation, scale = parts
-    return {
-        "position": list(position),
-        "rotation": [math.degrees(angle) for angle in rotation],
-        "scale": list(scale),
-    }
-
-
 def require_panorama(scene) -> None:
     """Refuse a scene without a photograph.
 
@@ -535,31 +504,26 @@ def require_panorama(scene) -> None:
         )
 
 
-def _panorama_table(scene, writer: _Writer) -> dict[str, Any]:
-    settings = scene.lightdepth
-    capture = capture_pose(settings)
-    return {
-        "image": writer.relative(panorama.file_of(settings.image, writer.files)),
-        "position": list(writer.local(capture).translation),
-        "rotation": [math.degrees(angle) for angle in capture.to_euler("XYZ")],
-        "scale": settings.scale,
-        "sky": settings.sky,
-    }
-
-
 EyeOf = Callable[[Any], cameras.Eye]
 """One of the views of a camera, as it is evaluated."""
 
 
 def _camera_tables(
-    depsgraph, origin: np.ndarray, every_camera: bool, eye_of: EyeOf | None, posed: bool = False
+    depsgraph,
+    origin: np.ndarray,
+    every_camera: bool,
+    eye_of: EyeOf | None,
+    posed: bool = False,
+    with_active: bool = True,
 ) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """All cameras that can be carried, or the active one alone, which must be; and notes."""
+    """All cameras that can be carried, or the active one, which must be, and the one with the plate; and notes."""
     tables, notes = {}, []
     scene = depsgraph.scene_eval
+    plates = photographs.plate_camera(scene)
     for item in scene.objects:
-        active = scene.camera is not None and item.name == scene.camera.name
-        if item.type != "CAMERA" or not (every_camera or active):
+        active = with_active and scene.camera is not None and item.name == scene.camera.name
+        has_plate = plates is not None and item.name == plates.name
+        if item.type != "CAMERA" or not (every_camera or active or has_plate):
             continue
         evaluated = item.evaluated_get(depsgraph)
         eye = eye_of(evaluated) if active and eye_of is not None else None
@@ -653,7 +617,7 @@ def export_scene(
         every_camera: write all cameras that can be carried, not the active one alone.
         eye_of: of the active camera, where it is one of several.
         set_frame: evaluates the scene at another time, for motion blur; ``None`` writes it as it stands.
-        with_cameras: write cameras at all.
+        with_cameras: write cameras other than that of the plate.
 
     Raises:
         ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
@@ -668,12 +632,19 @@ def export_scene(
     scene = depsgraph.scene_eval
     writer = _Writer(depsgraph, path.parent, folder, origin, moves)
     writer.note(*said)
-    document: dict[str, Any] = {"panorama": _panorama_table(scene, writer)}
+    try:
+        document: dict[str, Any] = {
+            "panorama": photographs.panorama_tables(scene, writer.relative, folder, writer.local)
+        }
+        plate, said = photographs.plate_table(scene, writer.relative, folder)
+    except photographs.PhotographError as error:
+        raise ExportError(str(error)) from error
+    writer.note(*said)
     if moves is not None:
         document["sequence"] = moves.shutter.table()
     try:
-        for item, to_world, by_instancing, instance in instances(depsgraph, numbered=moves is not None):
-            writer.add(item, to_world, by_instancing, instance)
+        for found in gathered(depsgraph, writer.stands_apart, numbered=moves is not None):
+            writer.add(*found)
         if not writer.real:
             raise ExportError(
                 "No real surface is modelled: add a room or a floor, and give it the role support or environment"
@@ -681,13 +652,17 @@ def export_scene(
         writer.write_synthetic(closed=not scene.lightdepth.sky)
     finally:
         graph.forget_pictures()
-    tables, said = _camera_tables(depsgraph, origin, every_camera, eye_of) if with_cameras else ({}, [])
+    tables, said = _camera_tables(depsgraph, origin, every_camera and with_cameras, eye_of, with_active=with_cameras)
     writer.note(*said)
     if moves is not None:
         tables = {name: moves.with_keys(name, table) for name, table in tables.items()}
     writer.note(*writer.suns.notes)
     light_tables = writer.suns.tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth)
     document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
+    if (
+        plate is not None and plate["camera"] in tables and eye_of is None
+    ):  # the eyes of stereo stand beside the plate's
+        document["plate"] = plate
     document["render"] = _render_table(scene.lightdepth)
     active = scene.camera.name if scene.camera is not None and scene.camera.name in tables else None
     frame = None if moves is None else moves.shutter.frame

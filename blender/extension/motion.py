@@ -9,6 +9,7 @@ import numpy as np
 from mathutils import Matrix
 
 from . import meshes, roles
+from .groups import Together
 
 ANIMATION = "shutter"
 """Name of the animation of a mesh file whose vertices move while the shutter is open."""
@@ -183,34 +184,61 @@ def _alike(values: list[Any]) -> bool:
     return all(np.allclose(value, values[0], rtol=_EPSILON, atol=_EPSILON) for value in values[1:])
 
 
-def instances(depsgraph, numbered: bool = True) -> Iterator[tuple[Any, np.ndarray, bool, Instance]]:
-    """Objects that are rendered and what they make instances of: object, matrix, whether it is an instance, which.
+Found = tuple[Any, np.ndarray, bool, Instance]
+"""An object, its matrix, whether it is an instance, and which."""
 
-    The viewport's objects are there as far as renderings have them.
+
+def instances(depsgraph, numbered: bool = True) -> Iterator[Found]:
+    """Objects that are rendered and what they make instances of, one by one; as for :func:`gathered`."""
+    yield from (found[:4] for found in gathered(depsgraph, lambda _: True, numbered))
+
+
+def gathered(
+    depsgraph, stands_apart: Callable[[Any], bool], numbered: bool = True
+) -> Iterator[tuple[Any, np.ndarray, bool, Instance, Together | None]]:
+    """Objects that are rendered and what they make instances of.
+
+    The viewport's objects are there as far as renderings have them. Of instances that are alike, made by one object, only
+    the first is looked at: Blender makes an object of Python's for all that is asked of each.
 
     Args:
         depsgraph: the evaluated scene.
+        stands_apart: of an object, whether its instances are wanted one by one.
         numbered: tell instances of one instancer from each other by their numbers; it takes time.
 
     Yields:
-        The matrix has the shape (4, 4), float64, and is not used again.
+        The object, which is valid until the next one, its matrix, of shape (4, 4), float64, not used again, whether it is
+        an instance, which, and where not apart all that are alike, whose places are known at the end.
     """
     viewport = depsgraph.mode == "VIEWPORT"
     found = depsgraph.object_instances
     matrices = np.empty(16 * len(found), np.float32)
-    found.foreach_get("matrix_world", matrices)  # one by one Blender makes an object of each
-    matrices = matrices.reshape(-1, 4, 4).transpose(0, 2, 1).astype(np.float64)
-    shown, made = np.empty(len(matrices), bool), np.empty(len(matrices), bool)
-    found.foreach_get("show_self", shown)
-    found.foreach_get("is_instance", made)
-    for each, to_world, is_shown, is_made in zip(found, matrices, shown.tolist(), made.tolist(), strict=True):
-        if not is_shown:
-            continue
+    found.foreach_get("matrix_world", matrices)
+    matrices = matrices.reshape(-1, 4, 4).transpose(0, 2, 1)
+    known: dict[tuple, list[int] | None] = {}
+    gatherings: list[Together] = []
+    for index, each in enumerate(found):
+        key = None
+        if is_made := each.is_instance:
+            # The object is one and the same for all; what it is made of is not.
+            key = (each.instance_object, each.object.data, each.parent)
+            alike = known.get(key)
+            if alike is not None:
+                alike.append(index)
+                continue
         item, parent = each.object, each.parent if is_made else None
-        if viewport and (item.hide_render or (parent is not None and parent.hide_render)):
+        if not each.show_self or (viewport and (item.hide_render or (parent is not None and parent.hide_render))):
             continue
+        together = None
+        if is_made and not stands_apart(item):
+            together = Together([index])
+            known[key] = together.members
+            gatherings.append(together)
         number = tuple(each.persistent_id) if numbered and is_made else ()
-        yield item, to_world, is_made, (item.name, "" if parent is None else parent.name, number)
+        instance = (item.name, "" if parent is None else parent.name, number)
+        yield item, matrices[index].astype(np.float64), is_made, instance, together
+    for together in gatherings:
+        together.places = matrices[together.members].astype(np.float64)
 
 
 def observed(

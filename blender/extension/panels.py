@@ -14,13 +14,15 @@ LETTER = 6.5
 """Width of a letter of the user interface's font, pixels at scale 1, rather too much than too little."""
 
 
-class _Sidebar:
+class Sidebar:
+    """Base of the panels in the viewport's sidebar."""
+
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "lightdepth"
 
 
-class PanoramaPanel(_Sidebar, bpy.types.Panel):
+class PanoramaPanel(Sidebar, bpy.types.Panel):
     """The photograph and where it was taken."""
 
     bl_idname = "LIGHTDEPTH_PT_panorama"
@@ -52,10 +54,10 @@ def draw_calibration(layout, context) -> None:
     layout.operator(calibration.Calibrate.bl_idname, icon="ORIENTATION_GIMBAL")
     if settings.residual >= 0.0:
         layout.label(text=f"Residual {settings.residual:.2f} degrees", icon="CHECKMARK")
-    _notes(layout, settings.calibration_notes, context)
+    draw_notes(layout, settings.calibration_notes, context)
 
 
-class CalibrationPanel(_Sidebar, bpy.types.Panel):
+class CalibrationPanel(Sidebar, bpy.types.Panel):
     """Calibration in the viewport."""
 
     bl_idname = "LIGHTDEPTH_PT_calibration"
@@ -78,7 +80,7 @@ class ImageCalibrationPanel(bpy.types.Panel):
         draw_calibration(self.layout, context)
 
 
-class PlacePanel(_Sidebar, bpy.types.Panel):
+class PlacePanel(Sidebar, bpy.types.Panel):
     """Modelling the place."""
 
     bl_idname = "LIGHTDEPTH_PT_place"
@@ -105,10 +107,10 @@ class PlacePanel(_Sidebar, bpy.types.Panel):
         if settings.coverage >= 0.0:
             icon = "CHECKMARK" if settings.coverage >= 1.0 else "ERROR"
             layout.label(text=f"Coverage {100.0 * settings.coverage:.2f} %", icon=icon)
-        _notes(layout, settings.check_notes, context)
+        draw_notes(layout, settings.check_notes, context)
 
 
-class LightPanel(_Sidebar, bpy.types.Panel):
+class LightPanel(Sidebar, bpy.types.Panel):
     """Light of the real place that the photograph lacks."""
 
     bl_idname = "LIGHTDEPTH_PT_light"
@@ -133,10 +135,10 @@ class LightPanel(_Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         column.operator(reallights.ImportLights.bl_idname, icon="IMPORT")
         column.operator(reallights.WriteLights.bl_idname, icon="EXPORT")
-        _notes(layout, settings.light_notes, context)
+        draw_notes(layout, settings.light_notes, context)
 
 
-class ShootingPanel(_Sidebar, bpy.types.Panel):
+class ShootingPanel(Sidebar, bpy.types.Panel):
     """Cameras, and the ways to a picture: F12 and the command line."""
 
     bl_idname = "LIGHTDEPTH_PT_shooting"
@@ -158,21 +160,26 @@ class ShootingPanel(_Sidebar, bpy.types.Panel):
         layout.operator(export.ExportScene.bl_idname, icon="EXPORT")
         if len(settings.export_notes):
             layout.label(text="Not as in Blender:")
-        _notes(layout, settings.export_notes, context)
+        draw_notes(layout, settings.export_notes, context)
 
 
 SEVERITIES = {"error": "CANCEL", "warning": "ERROR"}
 """Icons of lines that begin with such a word."""
 
 
-def _notes(layout, lines, context) -> None:
+def draw_notes(layout, lines, context) -> None:
+    """Whole sentences that a collection keeps, see :func:`draw_texts`."""
+    draw_texts(layout, [line.text for line in lines], context)
+
+
+def draw_texts(layout, texts, context) -> None:
     """Whole sentences, broken into lines that fit: Blender would cut the middle out of them."""
     letters = int((context.region.width - 70) / (LETTER * context.preferences.system.ui_scale))
-    for line in lines:
+    for text in texts:
         column = layout.column(align=True)
-        icon = SEVERITIES.get(line.text.partition(":")[0], "INFO")
-        for index, text in enumerate(textwrap.wrap(line.text, max(letters, 20))):
-            column.label(text=text, icon="BLANK1" if index else icon)
+        icon = SEVERITIES.get(text.partition(":")[0], "INFO")
+        for index, part in enumerate(textwrap.wrap(text, max(letters, 20))):
+            column.label(text=part, icon="BLANK1" if index else icon)
 
 
 class ObjectPanel(bpy.types.Panel):
@@ -199,6 +206,7 @@ class ObjectPanel(bpy.types.Panel):
             column.active = settings.use_gloss
             column.prop(settings, "roughness")
             column.prop(settings, "specular")
+            layout.prop(settings, "removed")
         if settings.role == roles.ENVIRONMENT:
             layout.prop(settings, "opening")
         if settings.role in roles.REAL and context.object.type == "MESH":

@@ -28,7 +28,7 @@ EYE_HEIGHT = 1.6
 
 
 def file_of(image: bpy.types.Image, folder: MeshFolder) -> Path:
-    """The panorama's file; one that is packed into the .blend is written into a folder first.
+    """A photograph's file; one that is packed into the .blend is written into a folder first.
 
     Raises:
         FileNotFoundError: the file is gone.
@@ -38,7 +38,7 @@ def file_of(image: bpy.types.Image, folder: MeshFolder) -> Path:
     if image.packed_file is not None:
         path = folder.path / folder.write(path.stem or "panorama", path.suffix or ".exr", image.packed_file.data)
     elif not path.is_file():
-        raise FileNotFoundError(f"The panorama's file is gone: {path}")
+        raise FileNotFoundError(f"The file of image '{image.name}' is gone: {path}")
     return path
 
 
@@ -46,6 +46,15 @@ def has_capture_point(scene: bpy.types.Scene) -> bool:
     """Whether the capture point is chosen and was not deleted from the scene since."""
     capture = scene.lightdepth.capture
     return capture is not None and capture.name in scene.objects
+
+
+def shown(settings) -> tuple[bpy.types.Image, bpy.types.Object]:
+    """The panorama that the viewport shows and its capture point: the first one, or a further one that is chosen."""
+    if 0 < settings.shown <= len(settings.further):
+        entry = settings.further[settings.shown - 1]
+        if entry.image is not None and entry.capture is not None:
+            return entry.image, entry.capture
+    return settings.image, settings.capture
 
 
 def rebuild(scene: bpy.types.Scene) -> None:
@@ -90,16 +99,16 @@ def _build(owner, output_type, shader_type, settings, at_infinity=False, has_res
         nodes.new("ShaderNodeMapping"),
         nodes.new("ShaderNodeMapping"),
     )
-    picture.image = settings.image
+    picture.image, capture = shown(settings)
     shader.inputs["Strength"].default_value = settings.scale
     # Light space looks along +y at the panorama's centre, Blender's environment texture along +x.
     to_blender.label, to_blender.inputs["Rotation"].default_value = "Light space to texture", (0.0, 0.0, -math.pi / 2)
     to_light.label, to_light.vector_type = "World to light space", "TEXTURE"  # 'TEXTURE' is the inverse transform
-    _follow(to_light.inputs["Rotation"], settings.capture, "ROT")
+    _follow(to_light.inputs["Rotation"], capture, "ROT")
     if at_infinity:
         source = nodes.new("ShaderNodeTexCoord").outputs["Generated"]
     else:
-        _follow(to_light.inputs["Location"], settings.capture, "LOC")
+        _follow(to_light.inputs["Location"], capture, "LOC")
         if has_rest:
             attribute = nodes.new("ShaderNodeAttribute")
             attribute.attribute_name = REST
@@ -202,7 +211,7 @@ class LoadPanorama(bpy.types.Operator, ImportHelper):
             return {"CANCELLED"}
         settings = context.scene.lightdepth
         if not has_capture_point(context.scene):
-            settings.capture = _new_capture_point(context)
+            settings.capture = new_capture_point(context)
         settings.image = image
         context.view_layer.update()  # so that what follows in a script finds the capture point where it is
         for window in context.window_manager.windows:
@@ -212,8 +221,9 @@ class LoadPanorama(bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
 
-def _new_capture_point(context) -> bpy.types.Object:
-    capture = bpy.data.objects.new(CAPTURE_NAME, None)
+def new_capture_point(context, name: str = CAPTURE_NAME) -> bpy.types.Object:
+    """Add a capture point to the scene, at the height of a person's eyes over the origin."""
+    capture = bpy.data.objects.new(name, None)
     capture.empty_display_type = "ARROWS"
     capture.empty_display_size = 0.3
     capture.location = (0.0, 0.0, EYE_HEIGHT)
@@ -243,7 +253,7 @@ class ViewFromCapture(bpy.types.Operator):
         view = context.space_data.region_3d
         view.view_perspective = "PERSP"
         view.view_distance = 0.05  # the viewport turns about a point this far before the eye
-        eye = context.scene.lightdepth.capture.matrix_world.translation
+        eye = shown(context.scene.lightdepth)[1].matrix_world.translation
         view.view_location = eye + view.view_rotation @ Vector((0.0, 0.0, -view.view_distance))
         context.space_data.clip_start = 0.01
         return {"FINISHED"}

@@ -75,8 +75,12 @@ def on_image(region, position) -> tuple[float, float] | None:
 
 
 def capture_pose(settings) -> Matrix:
-    """Light space to world, without scale."""
-    matrix = settings.capture.matrix_world
+    """Light space of the first panorama to world, without scale."""
+    return without_scale(settings.capture.matrix_world)
+
+
+def without_scale(matrix: Matrix) -> Matrix:
+    """A matrix's translation and rotation alone."""
     return Matrix.Translation(matrix.translation) @ matrix.to_quaternion().to_matrix().to_4x4()
 
 

@@ -14,7 +14,7 @@ from bpy.props import (
     StringProperty,
 )
 
-from . import panorama, roles
+from . import panorama, pictures, roles
 
 METHODS = (
     ("difference", "Difference", "Only what the new objects change is sampled; the photograph stays noise-free"),
@@ -100,6 +100,14 @@ class SceneSettings(bpy.types.PropertyGroup):
         soft_max=10.0,
         update=lambda self, context: panorama.rebuild(self.id_data),
     )
+    versions: PointerProperty(type=pictures.Versions)
+    further: CollectionProperty(type=pictures.FurtherPanorama, description="Further panoramas of the place")
+    shown: IntProperty(
+        name="Shown",
+        description="The panorama that the viewport shows; 0 is the first",
+        min=0,
+        update=lambda self, context: panorama.rebuild(self.id_data),
+    )
     sky: BoolProperty(
         name="Open to the Sky",
         description="What no modelled surface covers is sky; otherwise it is a hole, which is not rendered",
@@ -178,6 +186,9 @@ class ObjectSettings(bpy.types.PropertyGroup):
     specular: FloatProperty(
         name="Specular", description="0.5 mirrors 4 %", default=0.5, min=0.0, max=1.0, subtype="FACTOR"
     )
+    removed: BoolProperty(
+        name="Removed", description="It is in the photograph, and is to leave the picture with its light and shadow"
+    )
     opening: BoolProperty(
         name="Opening",
         description="A window pane: a real sun shines in through it; it looks as the photograph shows it",
@@ -199,6 +210,8 @@ class ObjectSettings(bpy.types.PropertyGroup):
 
 class CameraSettings(bpy.types.PropertyGroup):
     """What a camera is to the renderer beyond Blender's own settings."""
+
+    plate: PointerProperty(type=pictures.Plate)
 
     projection: EnumProperty(
         name="Projection",
@@ -231,7 +244,17 @@ def show_lines(collection, lines) -> None:
         collection.add().text = line
 
 
-classes = (Line, FloorCorner, PanoramaPoint, ClippedSource, SceneSettings, OwnSlot, ObjectSettings, CameraSettings)
+classes = (
+    *pictures.classes,
+    Line,
+    FloorCorner,
+    PanoramaPoint,
+    ClippedSource,
+    SceneSettings,
+    OwnSlot,
+    ObjectSettings,
+    CameraSettings,
+)
 
 
 def register() -> None:

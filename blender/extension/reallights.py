@@ -71,6 +71,9 @@ def show_lights(context, tables: Iterable[Mapping[str, Any]], folder: Path, orig
                     "azimuth and elevation"
                 )
                 continue
+            if table.get("mask") == "recover":
+                notes.append(f"Light '{name}': its mask = \"recover\" is not taken over")
+                table = {key: value for key, value in table.items() if key != "mask"}
             _show_sun(context, name, table, direction, folder, origin)
         elif kind == "clipped":
             _show_clipped(context.scene.lightdepth, name, table)

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from functools import cache
 from typing import Any
 
 
@@ -27,6 +28,7 @@ def _lines(table: Mapping[str, Any]) -> str:
     return "".join(f"{_key(key)} = {_value(value)}\n" for key, value in table.items())
 
 
+@cache
 def _key(name: str) -> str:
     plain = name.isascii() and name.replace("_", "").replace("-", "").isalnum()
     return name if plain else _value(name)
@@ -39,9 +41,15 @@ def _value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return repr(float(f"{value:.7g}") + 0.0)  # Blender's numbers have seven digits; + 0.0 for no -0.0
+        return _number(value)
     if isinstance(value, int):
         return repr(value)
     if isinstance(value, Mapping):
         return "{ " + ", ".join(f"{_key(key)} = {_value(entry)}" for key, entry in value.items()) + " }"
-    return "[" + ", ".join(_value(entry) for entry in value) + "]"
+    if all(type(entry) is float for entry in value):  # most lists are
+        return "[" + ", ".join(map(_number, value)) + "]"
+    return "[" + ", ".join(map(_value, value)) + "]"
+
+
+def _number(value: float) -> str:
+    return repr(float(f"{value:.7g}") + 0.0)  # Blender's numbers have seven digits; + 0.0 for no -0.0

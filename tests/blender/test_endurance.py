@@ -36,7 +36,9 @@ def test_a_rendering_is_cancelled_in_every_stage(made):
     folder, found = made
     assert found["cancelled"] == {stage: [True, ""] for stage in STAGES}
     assert found["after cancelling"]  # the same process goes on
-    np.testing.assert_array_equal(_picture(folder, "after being cancelled"), _picture(folder, "redone 5"))
+    np.testing.assert_array_equal(
+        _picture(folder, "after being cancelled"), _picture(folder, f"redone {found['steps']}")
+    )
 
 
 def test_a_killed_renderer_is_told_in_every_stage_and_no_picture_is_written(made):
@@ -49,7 +51,7 @@ def test_a_killed_renderer_is_told_in_every_stage_and_no_picture_is_written(made
     assert found["written"] == ["killed while exporting.exr"]
     for said in told[1:]:
         assert "SIGKILL" in said
-    np.testing.assert_array_equal(_picture(folder, "after being killed"), _picture(folder, "redone 5"))
+    np.testing.assert_array_equal(_picture(folder, "after being killed"), _picture(folder, f"redone {found['steps']}"))
 
 
 def test_nothing_is_lost_and_nothing_is_left(made):

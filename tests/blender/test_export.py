@@ -59,6 +59,22 @@ def test_modifiers_are_applied_as_for_rendering_and_instances_kept(exported):
     assert sum(len(part.geometry.faces) for part in things[NAME].parts) == 6 * 4**2 * 2
 
 
+def test_instances_stand_in_the_file_once(exported):
+    folder, _ = exported
+    tables = {table["name"]: table for table in tomllib.loads((folder / "scene.toml").read_text())["synthetic"]}
+    things = {thing.name: thing for thing in load_scene(folder / "scene.toml").synthetic}
+    for name in ("Left", "Right"):
+        (part,) = things[name].parts
+        assert tables[name]["instances"].endswith(".npy")
+        assert sorted(part.places[:, 0, 3]) == pytest.approx([0.02 * index - 0.4 for index in range(40)], abs=1e-6)
+        assert (np.linalg.det(part.places[:, :3, :3]) > 0.0).all()
+        placed = part.places[0, :3, :3] @ part.geometry.vertices.T
+        assert np.ptp(placed, axis=1) == pytest.approx([0.02] * 3, rel=1e-4)
+    # They share a mesh, and not their materials.
+    assert things["Left"].parts[0].material.transmission == pytest.approx(1.0)
+    assert things["Right"].parts[0].material.base_color == pytest.approx((0.8, 0.1, 0.05), abs=1e-3)
+
+
 def test_materials_arrive_and_what_cannot_is_named(exported):
     folder, found = exported
     things = {thing.name: thing for thing in load_scene(folder / "scene.toml").synthetic}

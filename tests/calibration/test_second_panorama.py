@@ -4,17 +4,15 @@ import json
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from lightdepth.calibration.relative_pose import SharedPoints, relate
 from lightdepth.calibration.scene_file import write_further_pose
-from lightdepth.cli.app import app
 from lightdepth.directions import direction_to_latlong, euler_rotation, pixel_directions, rotation_to_euler
 from lightdepth.errors import InputError
-from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.images.picture_file import read_picture
 from lightdepth.scene.load import load_scene
 from lightdepth.toml_file import read_toml
+from tests.support.commands import run_command, write_rgb
 from tests.support.mirror_ball import Box
 from tests.support.photography import room_panorama
 
@@ -29,15 +27,7 @@ LAMPS = np.array(
 
 
 def run(*arguments):
-    result = CliRunner().invoke(app, ["calibrate", "second", *(str(argument) for argument in arguments)])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
-
-
-def write(path, radiance):
-    write_exr(path, [ExrPart({name: radiance[..., index] for index, name in enumerate("RGB")}, "", {})])
-    return path
+    return run_command("calibrate", "second", *arguments)
 
 
 def seen(box, position, rotation):
@@ -51,9 +41,9 @@ def place(tmp_path_factory):
     """Folder with two panoramas of a box, one of another place, and a scene file with the first one's pose."""
     folder = tmp_path_factory.mktemp("place")
     box = Box(np.minimum(room_panorama(512), 4.0), HALF)
-    write(folder / "hall.exr", seen(box, FIRST, TURNED))
-    write(folder / "kitchen.exr", 0.5 * seen(box, SECOND, OTHER))
-    write(folder / "elsewhere.exr", seen(Box(room_panorama(256, seed=9), HALF), SECOND, OTHER))
+    write_rgb(folder / "hall.exr", seen(box, FIRST, TURNED))
+    write_rgb(folder / "kitchen.exr", 0.5 * seen(box, SECOND, OTHER))
+    write_rgb(folder / "elsewhere.exr", seen(Box(room_panorama(256, seed=9), HALF), SECOND, OTHER))
     corners = np.array([[x, y, z] for z in (-HALF, HALF) for y in (-HALF, HALF) for x in (-HALF, HALF)])
     faces = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     lines = [f"v {x} {y} {z}" for x, y, z in corners]

@@ -6,17 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
 from lightdepth.capture.fisheye import Circle
 from lightdepth.capture.mirror_ball.geometry import view_from_circle
 from lightdepth.capture.mirror_ball.reflectance import metal_reflectance
-from lightdepth.cli.app import app
 from lightdepth.directions import pixel_directions, pixel_solid_angles
 from lightdepth.errors import InputError
 from lightdepth.images.beauty import read_beauty
-from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.toml_file import read_toml
+from tests.support.commands import run_command, write_rgb
 from tests.support.mirror_ball import ALBEDO, Box, computed_photograph, fresnel
 from tests.support.photography import look_up, room_panorama
 
@@ -27,15 +25,7 @@ EXPOSED = ("--fov", FOV, "--reflectance", REFLECTANCE)
 
 
 def run(*arguments):
-    result = CliRunner().invoke(app, ["capture", "mirror-ball", *(str(argument) for argument in arguments)])
-    if result.exception is not None and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result
-
-
-def write(path, radiance):
-    write_exr(path, [ExrPart({name: radiance[..., index] for index, name in enumerate("RGB")}, "", {})])
-    return path
+    return run_command("capture", "mirror-ball", *arguments)
 
 
 @pytest.fixture(scope="module")
@@ -63,10 +53,10 @@ def shoot(place, tmp_path_factory):
     box = Box(place, 1.5)
     first, rotation = computed_photograph(box, FIRST, WIDTH, FOV, RADIUS)
     second, turned = computed_photograph(box, SECOND, WIDTH, FOV, RADIUS)
-    paths = write(folder / "a.exr", first), write(folder / "b.exr", second * 2**-0.5)
+    paths = write_rgb(folder / "a.exr", first), write_rgb(folder / "b.exr", second * 2**-0.5)
     report = folder / "report.json"
     distant, _ = computed_photograph(Box(place), FIRST, WIDTH, FOV, RADIUS)
-    run(write(folder / "distant.exr", distant), "-o", folder / "out.exr", *EXPOSED, "--report", report)
+    run(write_rgb(folder / "distant.exr", distant), "-o", folder / "out.exr", *EXPOSED, "--report", report)
     circles = [true_circle(np.linalg.norm(position) / RADIUS) for position in (FIRST, SECOND)]
     figures = json.loads(report.read_text())
     return Shoot(*paths, rotation, turned, box, tuple(circles), folder / "out.exr", figures)
@@ -165,7 +155,7 @@ def box_scene(folder, rotation, half):
     lines = [f"v {x} {y} {z}" for x, y, z in corners]
     lines += ["f " + " ".join(str(index + 1) for index in face) for face in faces]
     (folder / "box.obj").write_text("\n".join(lines) + "\n")
-    write(folder / "pano.exr", np.ones((8, 16, 3), np.float32))
+    write_rgb(folder / "pano.exr", np.ones((8, 16, 3), np.float32))
     angles = [float(angle) for angle in rotation_to_euler(rotation)]
     (folder / "box.toml").write_text(
         f'[panorama]\nimage = "pano.exr"\nposition = [0.0, 0.0, 0.0]\nrotation = {angles}\n\n'
@@ -184,7 +174,7 @@ def test_grey_ball_solves_a_clipped_sun(place, tmp_path):
     scale = reach / np.linalg.norm(FIRST)
     circle = f"{WIDTH / 2 + beside * scale},{WIDTH * 3 / 8},{RADIUS * scale}"
     scene = tmp_path / "room.toml"
-    run(write(tmp_path / "a.exr", clipped), "-o", tmp_path / "out.exr", "--fov", 26, "--reflectance", REFLECTANCE,
+    run(write_rgb(tmp_path / "a.exr", clipped), "-o", tmp_path / "out.exr", "--fov", 26, "--reflectance", REFLECTANCE,
         "--circle", f"{WIDTH / 2},{WIDTH * 3 / 8},{RADIUS * scale}",
         "--grey-circle", circle, "--grey-albedo", ALBEDO, "--sun-diameter", 6, "--write", scene,
         "--report", tmp_path / "report.json")  # fmt: skip
@@ -221,18 +211,18 @@ def test_wrong_options(shoot, tmp_path, arguments, words):
 
 def test_a_photograph_that_shows_no_ball(place, tmp_path):
     with pytest.raises(InputError, match="no mirror ball was found"):
-        run(write(tmp_path / "wall.exr", np.roll(place, 40, axis=1)), "-o", tmp_path / "out.exr", "--fov", 40)
+        run(write_rgb(tmp_path / "wall.exr", np.roll(place, 40, axis=1)), "-o", tmp_path / "out.exr", "--fov", 40)
 
 
 def test_a_ball_that_the_frame_cuts_off(place, tmp_path):
     picture, _ = computed_photograph(Box(place, 1.5), FIRST, 240, 20.0, 0.1, aside=0.1)
     with pytest.raises(InputError, match="cut off by the frame"):
-        run(write(tmp_path / "cut.exr", picture), "-o", tmp_path / "out.exr", "--fov", 20)
+        run(write_rgb(tmp_path / "cut.exr", picture), "-o", tmp_path / "out.exr", "--fov", 20)
 
 
 def test_photographs_that_differ_by_more_than_a_gain(shoot, place, tmp_path):
     picture, _ = computed_photograph(Box(np.flip(place, (0, 1)) ** 2.2, 1.5), SECOND, WIDTH, FOV, RADIUS)
     circles = [word for circle in shoot.circles for word in ("--circle", circle)]
     with pytest.raises(InputError, match="with any gain"):
-        run(shoot.first, write(tmp_path / "b.exr", picture), "-o", tmp_path / "out.exr", "--fov", FOV, "--turn", 87,
+        run(shoot.first, write_rgb(tmp_path / "b.exr", picture), "-o", tmp_path / "out.exr", "--fov", FOV, "--turn", 87,
             *circles)  # fmt: skip

@@ -11,11 +11,22 @@ from lightdepth.kernel.start import start
 
 start("cpu")
 
+import lightdepth  # noqa: E402
 from lightdepth.film.plate import render_plate  # noqa: E402
 from lightdepth.parameters import Parameters, RecoveryParameters  # noqa: E402
 from lightdepth.place.support_scattering import index_of_refraction  # noqa: E402
 from lightdepth.preparation.place import prepare_place  # noqa: E402
-from lightdepth.scene.model import CameraView, Gloss, Panorama, RenderSettings, Scene  # noqa: E402
+from lightdepth.scene.materials import MitsubaBsdf  # noqa: E402
+from lightdepth.scene.model import (  # noqa: E402
+    AnalyticShape,
+    CameraView,
+    Gloss,
+    Panorama,
+    RenderSettings,
+    Scene,
+    SyntheticObject,
+    SyntheticPart,
+)
 from tests.transport.places import CAPTURE, HIGH, box_depth, room  # noqa: E402
 from tests.transport.places import with_floor_alone_as_support as with_floor  # noqa: E402
 
@@ -64,15 +75,21 @@ def scene():
     )
 
 
-def plate(scene, position, target):
-    camera = Perspective(type="perspective", width=48, height=36, fov=80)
+def camera_at(position, target, fov):
+    """A camera, and the unit directions of its pixels."""
+    camera = Perspective(type="perspective", width=48, height=36, fov=fov)
     view = CameraView(camera, position, look_at_rotation(position, target))
-    result, _ = render_plate(view, scene.panoramas, prepare_place(scene).place)
     y, x = np.mgrid[:36, :48] + 0.5
-    across = np.tan(np.radians(40.0))
+    across = np.tan(np.radians(0.5 * fov))
     local = np.stack([(x / 24 - 1) * across, np.ones_like(x), (1 - y / 18) * across * 0.75], axis=-1)
     directions = local @ view.rotation.T
-    return result.mean(axis=2), directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+    return view, directions / np.linalg.norm(directions, axis=-1, keepdims=True)
+
+
+def plate(scene, position, target):
+    view, directions = camera_at(position, target, 80.0)
+    result, _ = render_plate(view, scene.panoramas, prepare_place(scene).place)
+    return result.mean(axis=2), directions
 
 
 def test_a_camera_elsewhere_sees_the_window_where_the_floor_mirrors_it_to_it(scene):
@@ -95,3 +112,29 @@ def test_from_the_capture_point_the_plate_is_the_photograph(scene):
         replace(scene, real=tuple(replace(each, gloss=None) for each in scene.real)), CAPTURE, np.array([0.4, 1.6, 0.0])
     )
     np.testing.assert_array_equal(result, matte)
+
+
+def test_a_mirror_shows_the_floor_as_it_is_seen_from_there(scene):
+    """A hand mirror, too small to change the floor: behind it, the camera has an eye that sees the floor from elsewhere."""
+    position, middle, half = np.array([0.4, 1.2, 0.7]), np.array([0.4, 0.1, 0.5]), 0.1
+    to_world = np.eye(4)
+    normal = np.array([0.0, 0.984, -0.179]) / np.hypot(0.984, 0.179)
+    to_world[:3, :3] = half * np.stack([[1.0, 0.0, 0.0], np.cross(normal, [1.0, 0.0, 0.0]), normal], axis=1)
+    to_world[:3, 3] = middle
+    silver = MitsubaBsdf(type="mitsuba", mitsuba={"type": "conductor", "material": "none"})
+    mirror = SyntheticObject("mirror", (SyntheticPart(AnalyticShape("rectangle", to_world), silver),))
+    view, directions = camera_at(position, middle, 12.0)
+    eye = position - 2.0 * ((position - middle) @ normal) * normal
+    expected, floor = seen(directions - 2.0 * (directions @ normal)[..., None] * normal, eye)
+
+    def error(real):
+        frame = lightdepth.render(
+            replace(scene, real=real, synthetic=(mirror,), cameras={"view": view}), "view", samples=64
+        )
+        shown = floor & (frame.coverage == 1.0)
+        assert shown.sum() > 300
+        return np.abs(frame.synthetic.mean(axis=2) - expected)[shown].mean() / expected[shown].mean()
+
+    without = error(tuple(replace(each, gloss=None) for each in scene.real))
+    assert without > 0.2
+    assert error(scene.real) < 0.25 * without

@@ -12,6 +12,7 @@ from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.radiance import read_radiance
 from lightdepth.reconstruction.depth_image import read_depth_image
 from lightdepth.reconstruction.point_cloud import read_points
+from lightdepth.scene.instances import read_instances
 from lightdepth.scene.load import read_scene
 from lightdepth.scene.materials.image import Content, read_texture
 from lightdepth.scene.meshes import read_mesh_file
@@ -64,6 +65,7 @@ READERS = {
     "texture": _texture,
     "depth": _depth,
     "points": lambda path: read_points(path),
+    "instances": lambda path: read_instances(path),
     "scene": _scene,
     "document": lambda path: read_document(path),
     "photograph": _photograph,

@@ -40,7 +40,7 @@ class Seed:
 
 def seeds():
     """All seeds."""
-    return [*_meshes(), *_images(), *_depths(), *_points(), *_scenes(), *_captures()]
+    return [*_meshes(), *_images(), *_depths(), *_points(), *_instances(), *_scenes(), *_captures()]
 
 
 MESHES = [
@@ -146,6 +146,12 @@ def _points():
     cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
     cloud.x, cloud.y, cloud.z = points.T
     yield Seed("points.las", "points", "mutant.las", _written("a.las", lambda path: cloud.write(path)))
+
+
+def _instances():
+    stream = io.BytesIO()
+    np.save(stream, np.tile(np.eye(4, dtype=np.float32)[:3], (3, 1, 1)))
+    yield Seed("instances", "instances", "mutant.npy", stream.getvalue())
 
 
 def _scenes():

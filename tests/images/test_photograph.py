@@ -12,6 +12,8 @@ from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.errors import InputError
 from lightdepth.images.icc import read_profile, srgb_profile
 from lightdepth.images.panorama_file import read_panorama
+from lightdepth.images.picture_file import read_picture
+from lightdepth.images.plate_file import read_plate
 from lightdepth.images.tonemapping import tone_map
 from tests.cli.room_folder import make_room
 
@@ -201,6 +203,18 @@ def test_mirrored_and_turned_pictures_are_refused(tmp_path, pixels, orientation)
     Image.fromarray(pixels).save(tmp_path / "p.jpg", exif=exif)
     with pytest.raises(InputError, match="orientation.* stored (mirrored|upside down|on its side)"):
         read_panorama(tmp_path / "p.jpg")
+
+
+@pytest.mark.parametrize("orientation", range(1, 9))
+def test_a_plate_is_turned_upright(tmp_path, pixels, orientation):
+    """Like the picture that is calibrated, which Pillow turns."""
+    exif = Image.Exif()
+    exif[274] = orientation
+    Image.fromarray(pixels).save(tmp_path / "p.png", exif=exif)
+    shown = read_picture(tmp_path / "p.png").pixels
+    assert shown.shape[:2] == (pixels.shape[:2] if orientation < 5 else pixels.shape[1::-1])
+    Image.fromarray(shown).save(tmp_path / "upright.png")
+    np.testing.assert_array_equal(read_plate(tmp_path / "p.png"), read_plate(tmp_path / "upright.png"))
 
 
 def test_damaged_exif_data_are_not_spoken_of(tmp_path, pixels):

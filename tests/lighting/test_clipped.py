@@ -11,7 +11,7 @@ from bench.truth import truth
 from lightdepth.directions import latlong_to_direction, pixel_directions, pixel_solid_angles
 from lightdepth.errors import InputError
 from lightdepth.images.radiance import read_radiance
-from lightdepth.lighting.clipped import recover_clipped
+from lightdepth.lighting.clipped import recover_clipped, solve_gains
 from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.scene.lights.clipped import ClippedSource, unclipped
@@ -218,3 +218,26 @@ def test_a_lamp_and_a_window_are_recovered_from_how_their_light_falls_off():
     for each in found:
         true = (whole.radiance * (angles * each.plateau.pixels)[..., None]).sum(axis=(0, 1))
         np.testing.assert_allclose(each.irradiance, true, rtol=0.12)
+
+    # The same from places of known albedo, before the window, under the lamp and between: both are solved at once.
+    cut = Scene(replace(whole, radiance=np.minimum(whole.radiance, limit)), real)
+    floor, albedo = next((part.mesh, part.color) for part in place.parts if part.name == "floor")
+    low, high = floor.vertices[:, :2].min(axis=0), floor.vertices[:, :2].max(axis=0)
+    places = [
+        [*(low + share * (high - low)), 0.0] for share in np.array([[0.1, 0.6], [0.7, 0.63], [0.4, 0.8], [0.6, 0.2]])
+    ]
+    grey = [f"{x:.2f},{y:.2f} {' '.join(map(str, albedo))}" for x, y in PanoramaView(cut).pixels(np.array(places))]
+    found = recover_clipped(cut, grey=grey)
+    assert [each.method for each in found] == ["known albedo", "known albedo"]
+    for each in found:
+        true = (whole.radiance * (angles * each.plateau.pixels)[..., None]).sum(axis=(0, 1))
+        np.testing.assert_allclose(each.irradiance, true, rtol=0.12)
+
+
+def test_sources_that_no_place_tells_apart_share_a_gain():
+    """Two lamps that light two places alike, and one that lights the second alone."""
+    given = np.array([[[1.0], [2.0], [0.0]], [[1.0], [2.0], [4.0]]]) * np.ones(3)
+    light, missing = given.sum(axis=1) + 1.0, (given * np.array([3.0, 3.0, 0.5])[:, None]).sum(axis=1)
+    gains, errors = solve_gains(missing, given, light)
+    np.testing.assert_allclose(gains, [[3.0] * 3, [3.0] * 3, [0.5] * 3], rtol=0.15)
+    assert np.all(errors[0] > 3.0 * errors[2])

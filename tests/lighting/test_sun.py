@@ -6,11 +6,18 @@ import numpy as np
 import pytest
 
 from lightdepth.errors import InputError
+from lightdepth.kernel.start import start
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.sun import recover_sun
-from lightdepth.lighting.sun_mask import recover_mask
+from lightdepth.lighting.sun_mask import masked_suns, recover_mask
 from lightdepth.lighting.sunlight import Sunlight
-from lightdepth.scene.lights.frame import sun_axes
+from lightdepth.scene.lights.frame import sun_axes, sun_direction
+from lightdepth.scene.model import SunLight
+
+start("cpu")
+import mitsuba as mi  # noqa: E402 - needs a variant
+
+from lightdepth.preparation.place import prepare_place  # noqa: E402
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +71,7 @@ def test_a_clicked_outline_and_a_place_in_the_sun_agree_with_the_search(barred_s
 def test_bars_that_are_not_modelled_are_in_the_mask(without_bars, barred, true_direction):
     sun = recover_sun(without_bars)
     np.testing.assert_allclose(sun.irradiance.value, barred.sun().irradiance, rtol=0.05)
-    mask = recover_mask(without_bars, sun)
+    mask = recover_mask(without_bars, sun.light())
     left, bottom, right, top = mask.extent
     axes = np.stack(sun_axes(sun.direction))
 
@@ -78,6 +85,25 @@ def test_bars_that_are_not_modelled_are_in_the_mask(without_bars, barred, true_d
     assert np.median(around(0.63, 2.8, 1.93, reach=1)) > 0.85
     assert np.median(around(-1.67, 2.8, 1.15, reach=1)) > 0.85
     assert around(0.95, 2.8, 1.0, reach=1).min() < 0.6
+
+    # A scene that asks for the mask is prepared with the same one.
+    light = replace(sun.light(), recover_mask=True)
+    settings = replace(without_bars.render, draft=True, irradiance_samples=16)
+    (prepared,) = prepare_place(replace(without_bars, lights=(light,), render=settings)).place.suns
+    bar = [[x, 2.8, 1.0] for x in np.linspace(0.89, 1.01, 9)]
+    points = np.array([[0.63, 2.8, 1.93], [3.0, 2.8, 1.0], *bar], np.float32)
+    pane, beside, *across = prepared.transmittance(mi.Point3f(points.T)).numpy()[0]
+    assert pane > 0.85
+    assert beside == 0.0
+    assert min(across) < 0.6
+
+
+def test_a_mask_of_a_patch_that_the_photograph_does_not_show_is_refused(barred_scene):
+    elsewhere = SunLight("west sun", sun_direction(270.0, 30.0), 0.53, np.ones(3), recover_mask=True)
+    with pytest.raises(
+        InputError, match=r"\[\[light\]\] 'west sun', mask = \"recover\": .* shows 2 pixels of the patch"
+    ):
+        masked_suns(replace(barred_scene, lights=(elsewhere,)))
 
 
 def test_a_closed_room_has_no_sun(barred_scene):

@@ -24,8 +24,8 @@ def scene(x=0.3):
 
 def test_only_the_moved_object_has_a_new_shape():
     forget_shapes()
-    before = [shape for _, shape in synthetic_shapes(scene())]
-    after = [shape for _, shape in synthetic_shapes(scene(0.31))]
+    before = [shape for _, shape in synthetic_shapes(scene()).numbered]
+    after = [shape for _, shape in synthetic_shapes(scene(0.31)).numbered]
     assert after[0] is before[0]
     assert after[1] is not before[1]
     assert after[1].bsdf() is before[1].bsdf()
@@ -35,7 +35,7 @@ def test_only_the_moved_object_has_a_new_shape():
 def test_what_stands_twice_at_one_place_is_two_shapes():
     twice = scene()
     twice = replace(twice, synthetic=twice.synthetic[:1] * 2)
-    (_, first), (_, second) = synthetic_shapes(twice)
+    (_, first), (_, second) = synthetic_shapes(twice).numbered
     assert first is not second
 
 

@@ -46,7 +46,7 @@ def look(mi, parts_of):
             piece for part in parts_of(document) for piece in split_mirrored(SyntheticPart(part.mesh, part.material))
         ]
         scene = Scene(panorama=None, synthetic=(SyntheticObject("thing", tuple(parts)),))
-        shapes = [shape for _, shape in synthetic_shapes(scene)]
+        shapes = [shape for _, shape in synthetic_shapes(scene).numbered]
         return radiance(shapes, origins, directions, **settings)
 
     return trace
@@ -376,7 +376,7 @@ def test_real_assets_render(mi, real_asset):
 
     name, found = real_asset
     parts = tuple(piece for part in found for piece in split_mirrored(SyntheticPart(part.mesh, part.material)))
-    shapes = [s for _, s in synthetic_shapes(Scene(panorama=None, synthetic=(SyntheticObject(name, parts),)))]
+    shapes = [s for _, s in synthetic_shapes(Scene(panorama=None, synthetic=(SyntheticObject(name, parts),))).numbered]
     vertices = np.concatenate([part.mesh.vertices for part in found])
     centre, reach = vertices.mean(0), np.ptp(vertices, axis=0).max()
     angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)

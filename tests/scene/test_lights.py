@@ -39,6 +39,11 @@ def test_the_sun_at_a_time():
         ({"azimuth": 3.0, "elevation": 3.0, "irradiance": [0.0, 0.0, 0.0]}, "irradiance"),
         ({"azimuth": 3.0, "elevation": 3.0, "irradiance": [1.0, -1.0, 0.0]}, "irradiance"),
         ({"azimuth": 3.0, "elevation": 3.0, "mask_extent": [0.0, 0.0, 1.0, 1.0]}, "go together"),
+        (
+            {"azimuth": 3.0, "elevation": 3.0, "mask": "recover", "mask_extent": [0.0, 0.0, 1.0, 1.0]},
+            "finds the extent",
+        ),
+        ({"azimuth": 3.0, "elevation": 3.0, "mask": "recovered"}, "recovered"),
     ],
 )
 def test_contradictions_are_refused(values, words):

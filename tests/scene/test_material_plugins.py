@@ -15,7 +15,7 @@ def shapes_of(mi, write_scene):
 
     def build(*tables):
         text = "\n".join(f'[[synthetic]]\nname = "thing {i}"\n{table}' for i, table in enumerate(tables))
-        return [shape for _, shape in synthetic_shapes(load_scene(write_scene(text)))]
+        return [shape for _, shape in synthetic_shapes(load_scene(write_scene(text))).numbered]
 
     return build
 
@@ -118,6 +118,6 @@ def test_materials_and_textures_are_made_once(mi, write_scene, scene_folder):
         "mtllib two.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 3/1 2/1 1/1\n"
     )
     scene = load_scene(write_scene(table.format("x")))
-    (first, a), (second, b) = synthetic_shapes(scene)
+    (first, a), (second, b) = synthetic_shapes(scene).numbered
     assert (first, second) == (0, 0)
     assert a.bsdf() == b.bsdf()

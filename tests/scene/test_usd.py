@@ -315,6 +315,10 @@ def test_what_is_wrong_is_said_with_its_place(usd, text, words):
     [
         ('def BasisCurves "hair" {}', "points, curves and volumes are left out, the first is /hair"),
         ('def SphereLight "lamp" {}', "its lights are left out, the first is /lamp"),
+        (
+            f'def Mesh "panel" (prepend apiSchemas = ["MeshLightAPI"]) {{ {QUAD} }}',
+            "its lights are left out, the first is /panel",
+        ),
         (f'def Mesh "cage" {{ {CAGE} }}', "/cage is a subdivision surface"),
     ],
 )

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from scipy import ndimage
 
 import lightdepth
 from lightdepth.cameras import Equirectangular
@@ -16,12 +17,12 @@ from lightdepth.scene.model import CameraView, Mesh, Panorama, RealSurface, Rend
 
 start("cpu")
 
-from lightdepth.preparation import METHODS  # noqa: E402
-
 ALBEDO = 0.5
 LOW, HIGH = np.array([1.40, -0.8, 0.02]), np.array([1.46, 0.8, 1.0])
 """Of a panel that shows its front: what nobody sees of it, nobody can take away."""
 CAPTURE = np.array([0.2, -0.3, 1.4])
+SUN = np.array([np.cos(np.radians(15.0)), 0.0, np.sin(np.radians(15.0))])
+"""Toward a low sun, in whose way the panel stands."""
 WIDTH = 192
 
 
@@ -50,22 +51,41 @@ def form_factor(points):
     return total
 
 
-def scene(glow):
-    """A sky that sends 1, a grey floor under it, and a panel that sends ``glow``; and the surface in each pixel."""
-    corners = np.array([[-4, -4, 0], [4, -4, 0], [4, 4, 0], [-4, 4, 0]], np.float32)
-    floor = RealSurface("floor", Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)), Role.SUPPORT)
+def floor(name, left, right, rest=False):
+    """A strip of the floor between two places along x; with rest positions, it takes its colour from the far end."""
+    corners = np.array([[left, -4, 0], [right, -4, 0], [right, 4, 0], [left, 4, 0]], np.float32)
+    mesh = Mesh(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), rest=corners - (left + 4, 0, 0) if rest else None)
+    return RealSurface(name, mesh, Role.SUPPORT)
+
+
+def scene(glow, capture=CAPTURE, sunlight=0.0, floors=None, albedo=lambda points: ALBEDO):
+    """A sky that sends 1, a grey floor under it, and a panel that sends ``glow``; and the surface in each pixel.
+
+    Args:
+        glow: radiance of the panel.
+        capture: capture point.
+        sunlight: irradiance of the floor by ``SUN``, in whose way the panel stands.
+        floors: the floor as modelled, in one piece by default.
+        albedo: of points of the floor.
+    """
+    floors = floors or (floor("floor", -4.0, 4.0),)
     standing = RealSurface("panel", panel(), Role.ENVIRONMENT, removed=True)
     directions = pixel_directions(WIDTH // 2, WIDTH).reshape(-1, 3)
-    hits = RayCaster([floor.mesh, standing.mesh]).cast(CAPTURE, directions)
+    whole = floor("floor", -4.0, 4.0).mesh
+    hits = RayCaster([whole, standing.mesh]).cast(capture, directions)
     met = np.where(np.isfinite(hits.distance), hits.mesh, 2)
     shown = np.select([met == 1, met == 2], [glow, 1.0], 0.0)
-    factor = form_factor(CAPTURE + hits.distance[met == 0, None] * directions[met == 0])
-    shown[met == 0] = ALBEDO * (1.0 + factor * (glow - 1.0))
+    points = capture + hits.distance[met == 0, None] * directions[met == 0]
+    toward = np.broadcast_to(SUN, points.shape)
+    shaded = np.isfinite(RayCaster([standing.mesh]).cast(points + 1e-4 * SUN, toward).distance)
+    light = 1.0 + form_factor(points) * (glow - 1.0) + sunlight / np.pi * ~shaded
+    shown[met == 0] = albedo(points) * light
     radiance = np.repeat(shown.reshape(WIDTH // 2, WIDTH, 1), 3, axis=2).astype(np.float32)
-    panorama = Panorama(radiance, CAPTURE, np.eye(3), sky=True)
-    camera = CameraView(Equirectangular(type="equirectangular", width=WIDTH), CAPTURE, np.eye(3))
-    settings = RenderSettings(irradiance_samples=128)
-    return Scene(panorama, (floor, standing), (), {"pano": camera}, settings), met.reshape(WIDTH // 2, WIDTH)
+    panorama = Panorama(radiance, capture, np.eye(3), sky=True)
+    camera = CameraView(Equirectangular(type="equirectangular", width=WIDTH), capture, np.eye(3))
+    lights = (SunLight("sun", SUN, 0.2, np.full(3, sunlight / SUN[2])),) if sunlight else ()
+    place = Scene(panorama, (*floors, standing), (), {"pano": camera}, RenderSettings(irradiance_samples=128))
+    return replace(place, lights=lights), met.reshape(WIDTH // 2, WIDTH)
 
 
 @pytest.mark.parametrize("glow", [0.02, 6.0])
@@ -91,11 +111,33 @@ def test_shadow_light_and_panel_are_gone(glow):
 
 @pytest.mark.parametrize("method", ["envpath", "directional"])
 def test_other_methods_refuse_it(method):
-    with pytest.raises(InputError, match="removed = true|removes nothing"):
+    with pytest.raises(InputError, match=f"method '{method}' cannot remove"):
         lightdepth.render(scene(1.0)[0], "pano", samples=1, method=method)
 
 
-def test_a_declared_sun_refuses_it():
-    sun = SunLight("sun", np.array([0.0, 0.0, 1.0]), 0.5, np.ones(3))
-    with pytest.raises(InputError, match='"panel": removed = true and .*sun'):
-        METHODS["difference"](replace(scene(1.0)[0], lights=(sun,)))
+def test_the_sun_shines_where_it_stood_and_rest_positions_say_what_was_behind():
+    def halves(points):
+        return np.where(points[..., 1] < 0.0, 0.3, 0.7)
+
+    capture = np.array([0.2, -0.3, 0.6])  # in its shadow
+    pieces = floor("floor", -4.0, HIGH[0] + 0.005), floor("behind", HIGH[0] + 0.005, 4.0, rest=True)
+    place, surface = scene(0.5, capture, sunlight=2.0, floors=pieces, albedo=halves)
+    frame = lightdepth.render(place, "pano", samples=8)
+    directions = pixel_directions(WIDTH // 2, WIDTH)
+    points = capture - capture[2] / np.minimum(directions[..., 2:], -1e-3) * directions
+    lit = halves(points) * (1.0 + 2.0 / np.pi)
+    before, after = place.panorama.radiance[..., 0] / lit, frame.beauty.mean(axis=-1) / lit
+    # Not at the edges of the pattern and of the floor, which pixels of the panorama mix with what is beside them.
+    known = (np.abs(points[..., 1]) > 0.3) & (np.abs(points[..., 0]) < 3.5)
+    shadow = (surface == 0) & (frame.coverage == 0.0) & (before < 0.8)
+    beside = (surface == 0) & (frame.coverage == 0.0) & (points[..., 0] < HIGH[0])
+    beside &= ~ndimage.binary_dilation(shadow | (surface == 1), iterations=2)  # The shadow has no smooth edge.
+    behind = (surface == 1) & (np.abs(points[..., 0] - 2.7) < 0.5)
+    for region, tolerance in (
+        (shadow, 0.01),
+        (beside, 0.005),
+        (behind & (lit < 0.8), 0.03),
+        (behind & (lit > 0.8), 0.03),
+    ):
+        assert (region & known).sum() > 20
+        assert after[region & known].mean() == pytest.approx(1.0, abs=tolerance)

@@ -5,17 +5,15 @@ import json
 import numpy as np
 import pytest
 from bench.places.objects import Matte
-from typer.testing import CliRunner
 
 from lightdepth.api import render
 from lightdepth.cameras import Perspective
-from lightdepth.cli.app import app
 from lightdepth.directions import look_at_rotation, pixel_directions, rotation_to_euler
 from lightdepth.images.beauty import read_beauty
-from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.scene.model import CameraView, Panorama, RenderSettings, Scene
 from tests.support import mirror_ball as support
 from tests.support import textured_room as room
+from tests.support.commands import run_command, write_rgb
 
 pytestmark = pytest.mark.truth
 WIDTH, FOV, PANORAMA = 560, 8.0, 256
@@ -28,8 +26,8 @@ def shoot(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ball")
     views = [support.camera(position, WIDTH, FOV) for position in (support.FIRST, support.SECOND)]
     for name, view, seed in zip("ab", views, (1, 2), strict=True):
-        write(folder / f"{name}.exr", support.photograph(view, 64, seed=seed).mean)
-    write(folder / "pano.exr", np.ones((8, 16, 3)))
+        write_rgb(folder / f"{name}.exr", support.photograph(view, 64, seed=seed).mean)
+    write_rgb(folder / "pano.exr", np.ones((8, 16, 3)))
     lines = [
         f'[panorama]\nimage = "pano.exr"\nposition = {support.CENTRE.tolist()}\n'
         f"rotation = {[float(angle) for angle in rotation_to_euler(views[0].rotation)]}\n"
@@ -43,11 +41,6 @@ def shoot(tmp_path_factory):
     return folder, views, support.panorama(views[0].rotation, PANORAMA, 256).mean
 
 
-def write(path, radiance):
-    channels = {name: radiance[..., index].astype(np.float32) for index, name in enumerate("RGB")}
-    write_exr(path, [ExrPart(channels, "", {})])
-
-
 @pytest.mark.parametrize("names", ["a", "ab"])
 def test_panorama(shoot, names):
     folder, views, truth = shoot
@@ -56,8 +49,7 @@ def test_panorama(shoot, names):
     arguments = ["capture", "mirror-ball", *photographs, "-o", str(folder / f"out-{names}.exr"), "--fov", str(FOV)]
     arguments += ["--reflectance", support.REFLECTANCE, "--width", str(PANORAMA), "--report", str(report)]
     arguments += ["--scene", str(folder / "room.toml"), "--ball-diameter", str(2 * support.RADIUS)]
-    result = CliRunner().invoke(app, arguments)
-    assert result.exception is None, result.exception
+    assert run_command(*arguments).exit_code == 0
     figures = json.loads(report.read_text())
     found = read_beauty(folder / f"out-{names}.exr").radiance
     # Directions: the axis and the distance give all of them.

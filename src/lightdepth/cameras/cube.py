@@ -51,6 +51,15 @@ class CubeCamera(Camera):
     def from_plane(position: mi.Float) -> mi.Float:
         """:meth:`to_plane` inverted."""
 
+    @staticmethod
+    @abstractmethod
+    def stretch(point: mi.Vector3f) -> mi.Float:
+        """Area on the cube that a unit of film area covers, relative to that of faces with even pixels.
+
+        Args:
+            point: on the cube, whose faces are at distance 1.
+        """
+
     @property
     def resolution(self) -> tuple[int, int]:  # noqa: D102
         return self.columns * self.face_size, 6 // self.columns * self.face_size
@@ -91,6 +100,12 @@ class CubeCamera(Camera):
             here = mi.Point2f((face % columns + x) / columns, (face // columns + y) / rows)
             film = dr.select(dr.dot(point, middle) >= depth, here, film)
         return FilmPoint(mi.Point3f(0.0), film, mi.Bool(True), mi.Float(1.0))
+
+    def solid_angle(self, direction: mi.Vector3f) -> mi.Float:  # noqa: D102
+        import drjit as dr
+
+        cosine = dr.max(dr.abs(direction))
+        return 24.0 * cosine * dr.square(cosine) * self.stretch(direction / cosine)
 
 
 class Cube(Topology):

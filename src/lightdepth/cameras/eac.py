@@ -51,9 +51,9 @@ class EquiAngularCubemap(CubeCamera):
 
         return dr.atan(position) * (4.0 / dr.pi)
 
-    def solid_angle(self, direction: mi.Vector3f) -> mi.Float:  # noqa: D102
+    @staticmethod
+    def stretch(point: mi.Vector3f) -> mi.Float:  # noqa: D102
         import drjit as dr
 
-        cosine = dr.max(dr.abs(direction))
-        stretch = 0.5 * dr.prod(1.0 + dr.square(direction / cosine))  # A factor of 2 is that of the face's own axis.
-        return 24.0 * (0.25 * math.pi) ** 2 * cosine * dr.square(cosine) * stretch
+        slopes = 0.5 * dr.prod(1.0 + dr.square(point))  # A factor of 2 is that of the face's own axis.
+        return (0.25 * math.pi) ** 2 * slopes

@@ -17,13 +17,13 @@ from lightdepth.capture.photograph import (
     Codes,
     WhiteBalance,
     is_raw,
-    mirrored_back,
     read_photograph,
     shared_white_balance,
 )
 from lightdepth.capture.recovery import BLACK, WHITE, choose_samples, recover_response, sample_patches, trust
 from lightdepth.capture.response import Response, linear_response, srgb_response
 from lightdepth.errors import InputError
+from lightdepth.images.orientation import mirrored_back
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, and how many of how many parts of it are done."""

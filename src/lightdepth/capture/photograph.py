@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError, warn
+from lightdepth.images.orientation import upright
 from lightdepth.images.pixels import read_pixels
 from lightdepth.packages import optional_package
 
@@ -27,25 +27,12 @@ RAW = (".arw", ".cr2", ".cr3", ".crw", ".dng", ".nef", ".nrw", ".orf", ".pef", "
 PHOTOGRAPHS = DEVELOPED + RAW
 """File name extensions of photographs."""
 
-_TURNS = {3: cv2.ROTATE_180, 6: cv2.ROTATE_90_CLOCKWISE, 8: cv2.ROTATE_90_COUNTERCLOCKWISE}
-_MIRRORED = {2: 1, 4: 3, 5: 8, 7: 6}
-"""What is left of an EXIF orientation once left and right are exchanged."""
 _SAME_BALANCE = 0.01
 
 
 def is_raw(path: Path) -> bool:
     """Whether a file is camera RAW by its name; its readings are then linear."""
     return path.suffix.lower() in RAW
-
-
-def mirrored_back(orientation: int) -> tuple[int, int]:
-    """Part an EXIF orientation into a mirroring and a turn.
-
-    Returns:
-        ``(mirroring, turn)``: 2 where left and right must be exchanged first, else 1; and the orientation without that,
-        one of 1, 3, 6 and 8.
-    """
-    return (2, _MIRRORED[orientation]) if orientation in _MIRRORED else (1, orientation)
 
 
 def read_photograph(path: Path, orientation: int = 1, white_balance: WhiteBalance | None = None) -> Codes:
@@ -69,10 +56,7 @@ def read_photograph(path: Path, orientation: int = 1, white_balance: WhiteBalanc
     if path.suffix.lower() not in PHOTOGRAPHS:
         raise InputError(f"{path}: '{path.suffix}' is not a photograph; allowed are {', '.join(PHOTOGRAPHS)}")
     codes = _read_raw(path, white_balance) if is_raw(path) else _read_developed(path)
-    mirroring, turn = mirrored_back(orientation)
-    if mirroring == 2:
-        codes = cv2.flip(codes, 1)
-    return cv2.rotate(codes, _TURNS[turn]) if turn in _TURNS else codes
+    return upright(codes, orientation)
 
 
 def shared_white_balance(photographs: Sequence[Path]) -> WhiteBalance | None:

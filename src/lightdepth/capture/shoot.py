@@ -20,7 +20,6 @@ from lightdepth.capture.photograph import (
     Codes,
     WhiteBalance,
     foreign_profile,
-    mirrored_back,
     read_photograph,
     shared_white_balance,
 )
@@ -28,6 +27,7 @@ from lightdepth.capture.response import Response
 from lightdepth.capture.stitching import Orientation
 from lightdepth.errors import InputError
 from lightdepth.images.beauty import Beauty, read_beauty
+from lightdepth.images.orientation import mirrored_back
 from lightdepth.images.radiance import READERS, read_radiance
 
 ROLLS = {3: 180.0, 6: 90.0, 8: -90.0}

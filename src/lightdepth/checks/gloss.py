@@ -18,6 +18,7 @@ def gloss_problems(scene: Scene) -> list[Problem]:
     if not shiny or not scene.panorama.radiance.size:
         return []
     start()
+    from lightdepth.lighting.sun_mask import masked_suns
     from lightdepth.place.place import Place
     from lightdepth.place.real_surfaces import merge_real_surfaces
     from lightdepth.place.traced_surfaces import TracedSurfaces
@@ -29,7 +30,8 @@ def gloss_problems(scene: Scene) -> list[Problem]:
     def place() -> Place:
         traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
         gains = solve_gains(scene.panoramas, traced).gains
-        return Place(scene.panoramas, traced, suns=scene.lights, gains=gains, parameters=scene.render.parameters.place)
+        tuned = scene.render.parameters.place
+        return Place(scene.panoramas, traced, suns=masked_suns(scene), gains=gains, parameters=tuned)
 
     fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))

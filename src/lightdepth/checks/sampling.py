@@ -9,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.checks.view import CaptureView
-from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticObject
+from lightdepth.scene.meshes.geometry import expanded
+from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticObject, SyntheticPart
 
 POINTS = 4000
 """On each surface, at which it is looked whether a capture point sees it."""
 TOLERANCE = 0.005
 """Relative difference of distances up to which a point lies on the surface that is seen."""
+MOST_TRIANGLES = 1_000_000
+"""Of instances that are looked at."""
 AROUND, FROM_POLE = 96, 48
 """Edges around a round shape, and from pole to pole of a sphere."""
 
@@ -62,13 +65,25 @@ def unseen_shares(scene: Scene, views: Sequence[CaptureView]) -> dict[str, float
 
 
 def object_mesh(thing: SyntheticObject) -> Mesh:
-    """All parts of an object as one mesh in world space; analytic shapes become fine meshes."""
-    meshes = [part.geometry if isinstance(part.geometry, Mesh) else _mesh_of(part.geometry) for part in thing.parts]
+    """All parts of an object as one mesh in world space; analytic shapes become fine meshes.
+
+    Of very many instances, some.
+    """
+    meshes = [_placed_mesh(part) for part in thing.parts]
     offsets = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     return Mesh(
         np.concatenate([mesh.vertices for mesh in meshes]).astype(np.float32),
         np.concatenate([mesh.faces + first for mesh, first in zip(meshes, offsets, strict=False)]).astype(np.int32),
     )
+
+
+def _placed_mesh(part: SyntheticPart) -> Mesh:
+    if not isinstance(part.geometry, Mesh):
+        return _mesh_of(part.geometry)
+    if part.places is None:
+        return part.geometry
+    step = -(-len(part.geometry.faces) * len(part.places) // MOST_TRIANGLES)
+    return expanded(part.geometry, part.places[::step])
 
 
 def _mesh_of(shape: AnalyticShape) -> Mesh:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +11,7 @@ from typer.core import TyperGroup
 
 from lightdepth.cli.calibrate_second import second
 from lightdepth.cli.calibrate_view import view
+from lightdepth.cli.calibration_report import numbers, print_result, rounded
 
 if TYPE_CHECKING:
     from lightdepth.calibration.room_frame import RoomFrame
@@ -223,7 +225,7 @@ def calibrate(
     if picture is not None:
         clicks = [points.reshape(-1, 3) for points in (corners, *verticals, toward) if points is not None]
         write_png(picture, draw_check_picture(radiance, result, room, clicks))
-    _print(report, json_output)
+    print_result(report, _rows(report), json_output)
 
 
 def _find_room(radiance: Any, show_progress: bool) -> RoomFrame:
@@ -244,54 +246,38 @@ def _report(result: Calibration) -> dict[str, Any]:
     """The result as plain numbers: what ``--json`` prints."""
     from lightdepth.directions import rotation_to_euler
 
-    def rounded(value: float) -> float:
-        return round(float(value), 5) + 0.0
+    def one(value: float | None) -> float | None:
+        return None if value is None else rounded([value])[0]
 
     return {
-        "rotation": [rounded(angle) for angle in rotation_to_euler(result.rotation)],
-        "position": [rounded(metres) for metres in result.position] if result.position is not None else None,
-        "residual": rounded(result.residual),
-        "residuals": {cue: rounded(value) for cue, value in result.residuals.items()},
-        "expected_error": None if result.expected_error is None else rounded(result.expected_error),
-        "tilt": rounded(result.tilt),
-        "rectangle_size": [rounded(metres) for metres in result.rectangle_size] if result.rectangle_size else None,
-        "confidence": rounded(result.confidence) if result.confidence is not None else None,
+        "rotation": rounded(rotation_to_euler(result.rotation)),
+        "position": None if result.position is None else rounded(result.position),
+        "residual": one(result.residual),
+        "residuals": {cue: one(value) for cue, value in result.residuals.items()},
+        "expected_error": one(result.expected_error),
+        "tilt": one(result.tilt),
+        "rectangle_size": rounded(result.rectangle_size) if result.rectangle_size else None,
+        "confidence": one(result.confidence),
         "warnings": list(result.warnings),
     }
 
 
-def _print(report: dict[str, Any], as_json: bool) -> None:
-    import json
-
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    if as_json:
-        typer.echo(json.dumps(report))
-        return
-
-    def numbers(values: list[float], decimals: int) -> str:
-        return "  ".join(f"{value:.{decimals}f}" for value in values)
-
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_row("rotation", numbers(report["rotation"], 3), "degrees, XYZ Euler, light to world")
+def _rows(report: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """The result as the table shows it."""
+    yield "rotation", numbers(report["rotation"]), "degrees, XYZ Euler, light to world"
     if report["position"]:
-        table.add_row("position", numbers(report["position"], 3), "metres, world")
+        yield "position", numbers(report["position"]), "metres, world"
     else:
-        table.add_row("position", "unknown", "give --camera-height or a floor rectangle")
+        yield "position", "unknown", "give --camera-height or a floor rectangle"
     if report["rectangle_size"]:
-        table.add_row("rectangle", numbers(report["rectangle_size"], 3), "metres, width and length")
-    table.add_row("tilt", f"{report['tilt']:.2f}", "degrees from the panorama's zenith")
+        yield "rectangle", numbers(report["rectangle_size"]), "metres, width and length"
+    yield "tilt", f"{report['tilt']:.2f}", "degrees from the panorama's zenith"
     cues = ", ".join(f"{name} {value:.3f}" for name, value in report["residuals"].items())
     if cues:
-        table.add_row("residual", f"{report['residual']:.3f}", f"degrees ({cues})")
+        yield "residual", f"{report['residual']:.3f}", f"degrees ({cues})"
     if report["expected_error"] is None:
-        table.add_row("expected error", "unknown", "the rotation was not measured")
+        yield "expected error", "unknown", "the rotation was not measured"
     else:
-        table.add_row("expected error", f"{report['expected_error']:.2f}", "degrees, one standard deviation")
+        yield "expected error", f"{report['expected_error']:.2f}", "degrees, one standard deviation"
     if report["confidence"] is not None:
-        table.add_row("confidence", f"{report['confidence']:.2f}", "of the automatic directions, 0 to 1")
-    Console(highlight=False).print(table)
-    for warning in report["warnings"]:
-        Console(stderr=True, soft_wrap=True, highlight=False).print(f"[yellow]warning:[/] {escape(warning)}")
+        yield "confidence", f"{report['confidence']:.2f}", "of the automatic directions, 0 to 1"

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from lightdepth.cli.calibration_report import numbers, print_result, rounded
 
 if TYPE_CHECKING:
     from lightdepth.calibration.relative_pose import RelativePose, SharedPoints
@@ -99,7 +102,7 @@ def second(
         write_png(
             picture, draw_epipolar_picture(loaded.panorama.radiance, radiance, loaded.panorama.rotation, points, pose)
         )
-    _print(report, json_output)
+    print_result(report, _rows(report), json_output)
 
 
 def _clicked(
@@ -191,9 +194,6 @@ def _report(points: SharedPoints, pose: RelativePose, matched: int | None) -> di
 
     from lightdepth.directions import rotation_to_euler
 
-    def rounded(values: Any, decimals: int = 5) -> list[float]:
-        return [round(float(value), decimals) + 0.0 for value in values]
-
     degrees = np.degrees(pose.residuals)
     return {
         "rotation": rounded(rotation_to_euler(pose.rotation)),
@@ -214,34 +214,15 @@ def _report(points: SharedPoints, pose: RelativePose, matched: int | None) -> di
     }
 
 
-def _print(report: dict[str, Any], as_json: bool) -> None:
-    import json
-
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    if as_json:
-        typer.echo(json.dumps(report))
-        return
-    table = Table(show_header=False, box=None, pad_edge=False)
-
-    def numbers(values: list[float]) -> str:
-        return "  ".join(f"{value:.3f}" for value in values)
-
-    table.add_row("rotation", numbers(report["rotation"]), f"degrees, XYZ Euler, +-{report['direction_error']:.2f}")
-    table.add_row("position", numbers(report["position"]), f"metres, world, +-{report['position_error']:.3f}")
-    table.add_row("baseline", f"{report['baseline']:.3f}", "metres from the first capture point")
+def _rows(report: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """The result as the table shows it."""
+    yield "rotation", numbers(report["rotation"]), f"degrees, XYZ Euler, +-{report['direction_error']:.2f}"
+    yield "position", numbers(report["position"]), f"metres, world, +-{report['position_error']:.3f}"
+    yield "baseline", f"{report['baseline']:.3f}", "metres from the first capture point"
     found = "" if report["matched"] is None else f" of {report['matched']} features that look alike"
-    table.add_row("points", f"{report['points']}", f"{report['on_surfaces']} on surfaces{found}")
-    table.add_row(
-        "residual",
-        f"{report['residual_degrees']:.3f}",
-        f"degrees, {report['residual_centimetres']:.1f} cm, root mean square",
-    )
+    yield "points", f"{report['points']}", f"{report['on_surfaces']} on surfaces{found}"
+    centimetres = f"{report['residual_centimetres']:.1f} cm"
+    yield "residual", f"{report['residual_degrees']:.3f}", f"degrees, {centimetres}, root mean square"
     if report["matched"] is None:
         for name, (angle, length) in report["residuals"].items():
-            table.add_row(f"  {name}", f"{angle:.3f}", f"degrees, {length:.1f} cm")
-    Console(highlight=False).print(table)
-    for warning in report["warnings"]:
-        Console(stderr=True, soft_wrap=True, highlight=False).print(f"[yellow]warning:[/] {escape(warning)}")
+            yield f"  {name}", f"{angle:.3f}", f"degrees, {length:.1f} cm"

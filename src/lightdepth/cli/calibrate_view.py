@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from lightdepth.cli.calibration_report import numbers, print_result, rounded
 
 if TYPE_CHECKING:
     from lightdepth.calibration.view_cues import Point
@@ -169,7 +172,7 @@ def view(
         write_png(picture, draw_view_picture(image.pixels, result, cues))
     if fspy is not None:
         report["warnings"] += write_fspy(fspy, result, project.image if project is not None else photo.read_bytes())
-    _print(report, json_output)
+    print_result(report, _rows(report), json_output)
 
 
 def _zero() -> Any:
@@ -245,9 +248,6 @@ def _report(result: ViewCalibration) -> dict[str, Any]:
 
     camera = result.camera
 
-    def rounded(values: Any, decimals: int = 5) -> list[float]:
-        return [round(float(value), decimals) + 0.0 for value in values]
-
     return {
         "width": camera.width,
         "height": camera.height,
@@ -266,43 +266,24 @@ def _report(result: ViewCalibration) -> dict[str, Any]:
     }
 
 
-def _print(report: dict[str, Any], as_json: bool) -> None:
-    import json
-
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
-
-    if as_json:
-        typer.echo(json.dumps(report))
-        return
-
-    def numbers(values: list[float], decimals: int) -> str:
-        return "  ".join(f"{value:.{decimals}f}" for value in values)
-
-    table = Table(show_header=False, box=None, pad_edge=False)
-    table.add_row("rotation", numbers(report["rotation"], 3), f"degrees, XYZ Euler, +-{report['direction_error']:.2f}")
+def _rows(report: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
+    """The result as the table shows it."""
+    yield "rotation", numbers(report["rotation"]), f"degrees, XYZ Euler, +-{report['direction_error']:.2f}"
     if report["position"] is not None:
         error = report["position_error"]
-        table.add_row(
+        yield (
             "position",
-            numbers(report["position"], 3),
+            numbers(report["position"]),
             "metres, world" + (f", +-{error:.3f}" if error is not None else ""),
         )
     else:
-        table.add_row("position", "unknown", "give known points, --distance or --camera-height")
-    table.add_row(
-        "fov",
-        f"{report['fov']:.3f}",
-        f"degrees, +-{report['fov_error']:.3f} ({report['focal_length_35mm']:.1f} mm on 36 mm)",
-    )
+        yield "position", "unknown", "give known points, --distance or --camera-height"
+    lens = f"degrees, +-{report['fov_error']:.3f} ({report['focal_length_35mm']:.1f} mm on 36 mm)"
+    yield "fov", f"{report['fov']:.3f}", lens
     if report["principal_point"] is not None:
-        table.add_row("principal point", numbers(report["principal_point"], 4), "shares of width and height")
+        yield "principal point", numbers(report["principal_point"], 4), "shares of width and height"
     if report["distortion"] is not None:
-        table.add_row("distortion", numbers(report["distortion"], 4), "k1, k2")
-    table.add_row("residual", f"{report['residual']:.2f}", "pixels, root mean square")
+        yield "distortion", numbers(report["distortion"], 4), "k1, k2"
+    yield "residual", f"{report['residual']:.2f}", "pixels, root mean square"
     for name, value in report["residuals"].items():
-        table.add_row(f"  {name}", f"{value:.2f}", "")
-    Console(highlight=False).print(table)
-    for warning in report["warnings"]:
-        Console(stderr=True, soft_wrap=True, highlight=False).print(f"[yellow]warning:[/] {escape(warning)}")
+        yield f"  {name}", f"{value:.2f}", ""

@@ -305,7 +305,13 @@ def _print(figures: dict[str, Any], output: Path, picture: Path) -> None:
     console = Console()
     table = Table(title="Photographs")
     for heading in ("photograph", "circle", "distance", "turn", "gain", "clipped", "differs"):
-        table.add_column(heading, justify="left" if heading == "photograph" else "right")
+        # What --circle takes is shown in full.
+        table.add_column(
+            heading,
+            justify="left" if heading == "photograph" else "right",
+            no_wrap=heading == "circle",
+            overflow="fold",
+        )
     for each in figures["photographs"]:
         table.add_row(
             each["name"],

@@ -99,7 +99,7 @@ def sun(
 
         from lightdepth.lighting.sun_mask import recover_mask
 
-        pattern = recover_mask(loaded, found)
+        pattern = recover_mask(loaded, found.light())
         write_radiance(mask, np.repeat(pattern.transmittance[:, :, None], 3, axis=2))
         values["mask"] = _relative(mask, scene)
         values["mask_extent"] = [round(edge, 4) for edge in pattern.extent]

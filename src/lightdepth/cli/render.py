@@ -103,7 +103,7 @@ def render(
     Example: lightdepth render examples/lounge/scene.toml --camera view -o out/view.exr --samples 64
     """
     from lightdepth.api import load_scene
-    from lightdepth.cli.sequence import render_sequence
+    from lightdepth.cli.sequence import Shot, render_sequence
     from lightdepth.film.checkpoint import checkpoint_beside
     from lightdepth.film.sums import Share
     from lightdepth.images.look import chosen_look
@@ -127,25 +127,25 @@ def render(
         if given := [option for option, used in still.items() if used]:
             raise InputError(f"{', '.join(given)}: for a still, not with --frames")
         job = Job(camera, samples, noise, method, seed, draft, denoise, cache=not no_cache)
+        shot = Shot(
+            scene,
+            frames,
+            job,
+            look,
+            output,
+            step,
+            chosen,
+            exposure,
+            repair,
+            device,
+            force,
+            exr,
+            verify,
+            progress,
+            steady,
+        )
         with Interruption() as interruption:
-            render_sequence(
-                scene,
-                frames,
-                step,
-                output,
-                job,
-                chosen,
-                exposure,
-                look,
-                repair,
-                device,
-                force,
-                exr,
-                verify,
-                progress,
-                interruption,
-                steady,
-            )
+            render_sequence(shot, interruption)
         return
     if force or verify or step != 1 or steady is not None:
         raise InputError("--force, --verify, --step and --steady go with --frames")

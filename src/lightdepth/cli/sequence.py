@@ -8,6 +8,7 @@ import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,25 +41,51 @@ WORDS = {
 }
 
 
-def render_sequence(
-    scene: Path,
-    frames: str,
-    step: int,
-    output: Path | None,
-    job: Job,
-    layers: Collection[str] | None,
-    exposure: float,
-    look: Look,
-    repair: bool,
-    device: Device,
-    force: bool,
-    structure: Structure,
-    verify: bool,
-    progress: str,
-    interruption: Interruption,
-    steady: int | None = None,
-) -> None:
+@dataclass(frozen=True)
+class Shot:
+    """What `lightdepth render --frames` asks for.
+
+    Attributes:
+        scene: the scene file.
+        frames: which frames, as the option has them.
+        job: as for a still.
+        look: of the PNGs.
+        output: the pattern of the files; made of the names of scene and camera by default.
+        step: of each range, every so many-th frame.
+        layers: to write beside the picture; ``None`` for all.
+        exposure: stops by which the PNGs are lighter.
+        repair: replace impossible radiance of the panorama.
+        device: ``auto``, ``cpu`` or ``cuda``.
+        force: render also what is there.
+        structure: of the files.
+        verify: only say what is there.
+        progress: how it is reported.
+        steady: frames before and after each one that share their samples with it; ``None`` for frames of their own.
+    """
+
+    scene: Path
+    frames: str
+    job: Job
+    look: Look
+    output: Path | None = None
+    step: int = 1
+    layers: Collection[str] | None = None
+    exposure: float = 0.0
+    repair: bool = False
+    device: Device = "auto"
+    force: bool = False
+    structure: Structure = "multipart"
+    verify: bool = False
+    progress: str = "bar"
+    steady: int | None = None
+
+
+def render_sequence(shot: Shot, interruption: Interruption) -> None:
     """Render the frames of a sequence that are not there, or say what is there.
+
+    Args:
+        shot: which frames, and how.
+        interruption: whether Ctrl-C was pressed.
 
     Raises:
         InputError, SetupError: as for a still.
@@ -70,21 +97,21 @@ def render_sequence(
     from lightdepth.sequence.rendering import SequenceJob, SequenceRendering
     from lightdepth.sequence.steady import SteadyRendering
 
-    moving = SceneFrames(scene, repair)
-    numbers = parsed_frames(frames, step, moving.sequence)
+    moving, job = SceneFrames(shot.scene, shot.repair), shot.job
+    numbers = parsed_frames(shot.frames, shot.step, moving.sequence)
     loaded = moving.scene(numbers[0])
     find_camera(loaded, job.camera)
     name = job.camera or next(iter(loaded.cameras))
-    files = FrameFiles(output or Path(f"{scene.stem}-{name}.{'#' * DIGITS}.exr"))
-    wanted = SequenceJob(numbers, files, job, layers, exposure, force, structure, look)
-    with _Reporter(progress, wanted) as reporter:
+    files = FrameFiles(shot.output or Path(f"{shot.scene.stem}-{name}.{'#' * DIGITS}.exr"))
+    wanted = SequenceJob(numbers, files, job, shot.layers, shot.exposure, shot.force, shot.structure, shot.look)
+    with _Reporter(shot.progress, wanted) as reporter:
         rendering = (
-            SequenceRendering(moving, wanted, device, reporter.report)
-            if steady is None
-            else SteadyRendering(moving, wanted, steady, device, reporter.report)
+            SequenceRendering(moving, wanted, shot.device, reporter.report)
+            if shot.steady is None
+            else SteadyRendering(moving, wanted, shot.steady, shot.device, reporter.report)
         )
         reporter.begin()
-        if verify:
+        if shot.verify:
             _verify(rendering, wanted, reporter)
         else:
             _render(rendering, moving, wanted, reporter, interruption)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +15,20 @@ from lightdepth.kernel.start import DEVICE_LOCK
 from lightdepth.parameters.film import FilmParameters
 
 
+@dataclass(frozen=True)
+class Sharing:
+    """How n pixels of a frame share their samples with those of other frames.
+
+    Attributes:
+        frames: that will share the samples of each pixel, shape (n,), int32.
+        unchanged: pixels that show nothing new, and no support, as far as their middles and those beside them tell,
+            shape (n,).
+    """
+
+    frames: NDArray[np.int32]
+    unchanged: NDArray[np.bool_]
+
+
 class Allocation:
     """Decides on the rounds of a rendering.
 
@@ -21,7 +37,7 @@ class Allocation:
         accumulator: their sums.
         errors: their errors.
         parameters: how samples are shared out.
-        sharing: frames that will share the samples of each pixel, shape (n,), int32; ``None`` is one.
+        sharing: with other frames; ``None`` for a picture of its own.
     """
 
     def __init__(
@@ -30,21 +46,24 @@ class Allocation:
         accumulator: Accumulator,
         errors: PictureError,
         parameters: FilmParameters,
-        sharing: NDArray[np.int32] | None = None,
+        sharing: Sharing | None = None,
     ) -> None:
         self._pixels, self._accumulator, self._errors = pixels, accumulator, errors
         self._parameters, self._sharing = parameters, sharing
 
     def pilot_round(self, target: Target) -> Round:
         """The first round for a target: afterwards no pixel has fewer samples than the pilot takes."""
-        taken = self._accumulator.taken.astype(np.int64)
+        taken = self._accumulator.taken
         pilot: int | NDArray[np.int32] = pilot_samples(target.samples, self._parameters)
         if self._sharing is not None:
-            pilot = np.minimum(pilot, np.maximum(pilot // self._sharing, self._parameters.quantum))
-        more = np.maximum(pilot - taken, 0)
-        wanted = self._pixels.inside(more, target.region).astype(np.int32)
-        inside = self._pixels.inside(np.ones(taken.size, np.int64), target.region)
-        return Round(target, wanted, int((taken * (1 - inside)).sum() + target.samples * inside.sum()))
+            few = np.where(self._sharing.unchanged, self._parameters.unchanged_pilot, self._parameters.quantum)
+            shared = pilot // self._sharing.frames
+            shared[self._sharing.unchanged] = 0
+            pilot = np.minimum(pilot, np.maximum(shared, few))
+        wanted = np.subtract(pilot, taken, dtype=np.int32, casting="unsafe")
+        wanted = self._pixels.inside(np.maximum(wanted, 0, out=wanted), target.region)
+        size, spent = self._inside(target)
+        return Round(target, wanted, int(taken.sum(dtype=np.int64)) - spent + target.samples * size)
 
     def next_round(self, last: Round) -> Round | None:
         """What is still wanted after a round, in multiples of ``quantum``; ``None`` when the work is done.
@@ -60,20 +79,23 @@ class Allocation:
             return None
         more = self._pixels.inside(more, target.region)
         quantum = self._parameters.quantum
-        wanted = quantum * np.floor(more / quantum + 0.5).astype(np.int32)
+        more /= quantum
+        more += 0.5
+        wanted = np.floor(more, out=more).astype(np.int32)
+        del more
+        wanted *= quantum
         return Round(target, wanted, max(whole, int(taken.sum(dtype=np.int64)) + 1), 0, False) if wanted.any() else None
 
     def _even(self, target: Target) -> tuple[NDArray[np.float32] | None, int]:
         """How many more samples each pixel gets where the errors are to become alike, and how many all will have."""
         taken, samples = self._accumulator.taken, target.samples
-        inside = self._pixels.inside(np.ones(taken.size, np.int64), target.region)
-        size, spent = int(inside.sum()), int((taken * inside).sum(dtype=np.int64))
+        size, spent = self._inside(target)
         left = samples * size - spent
         whole = int(taken.sum(dtype=np.int64)) + left
         if left < max(self._parameters.quantum * size / 64, 1):
             return None, whole
         more = self._around(self._left(self._errors.reducible(self._parameters.contrast)))
-        if taken.max() > taken.min():
+        if taken.max() > max(taken.min(), 0 if self._sharing is None else self._parameters.quantum):
             # Not after a pilot: the samples so far are part of what each pixel is due.
             more *= np.sqrt(taken.astype(np.float32))
             more = self._pixels.inside(more, target.region)
@@ -93,7 +115,10 @@ class Allocation:
         irradiance, rest = self._errors.shared_variance()
         # More samples of a pixel do not reduce the shared errors: beyond some point they are of no use.
         left = np.maximum(noise**2 - rest - irradiance, self._parameters.least_noise**2 * noise**2)
-        more: NDArray[np.float32] = np.square(np.maximum(errors, self._around(errors)))
+        more = self._around(errors)
+        np.maximum(errors, more, out=more)
+        del errors
+        np.square(more, out=more)
         more /= np.asarray(left, np.float32)
         more *= taken
         np.minimum(more, target.samples, out=more)
@@ -103,11 +128,19 @@ class Allocation:
         np.minimum(more, 3.0 * taken, out=more)
         return more, whole
 
+    def _inside(self, target: Target) -> tuple[int, int]:
+        """How many pixels of the list lie in a target's region, and how many samples they have."""
+        taken = self._accumulator.taken
+        if target.region is None:
+            return taken.size, int(taken.sum(dtype=np.int64))
+        inside = self._pixels.inside(np.ones(taken.size, np.uint8), target.region) > 0
+        return int(inside.sum()), int(taken.sum(dtype=np.int64, where=inside))
+
     def _left(self, errors: NDArray[np.float32]) -> NDArray[np.float32]:
         """What is left of the pixels' errors where several frames share the samples, shape (n,)."""
         if self._sharing is None:
             return errors
-        return (errors / np.sqrt(self._sharing)).astype(np.float32)
+        return (errors / np.sqrt(self._sharing.frames)).astype(np.float32)
 
     def _around(self, errors: NDArray[np.float32]) -> NDArray[np.float32]:
         return self._pixels.around(errors, self._parameters.neighbourhood)

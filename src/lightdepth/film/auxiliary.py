@@ -16,7 +16,7 @@ from lightdepth.film.cryptomatte import Mattes
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.row_bands import Band, bands
 from lightdepth.kernel.sobol import sobol_points
-from lightdepth.kernel.tracing import first_hit
+from lightdepth.kernel.tracing import first_hit, interaction
 from lightdepth.kernel.variables import as_vectors
 from lightdepth.parameters.film import DEFAULT, FilmParameters
 from lightdepth.preparation import Prepared
@@ -160,7 +160,7 @@ def _surface(
     on_real = inside & surfaces.is_real(found)
     on_synthetic = inside & found.is_valid() & ~on_real
     hit = surfaces.real_hit(ray, found, on_real)
-    si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+    si = interaction(surfaces.shown, found, ray, on_synthetic)
     material = surfaces.materials.index(si, on_synthetic)
     diffuse = surfaces.materials.diffuse_reflectance(material, si, on_synthetic)
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)

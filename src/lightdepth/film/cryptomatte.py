@@ -58,11 +58,12 @@ class Mattes:
             owners: for each shape, the index of its object; objects need not have different names.
         """
         pixels, ids, shares = _together(self, np.array(owners, np.uint32) + np.uint32(1))
-        most, rest = np.zeros(size, np.float32), np.ones(size, np.float32)
-        np.subtract.at(rest, pixels, shares)
-        np.maximum.at(most, pixels, shares)
+        here, index = np.unique(pixels, return_inverse=True)
+        most, rest = np.zeros(len(here), np.float32), np.ones(len(here), np.float32)
+        np.subtract.at(rest, index, shares)
+        np.maximum.at(most, index, shares)
         result = sparse_zeros((size,), np.uint32)
-        winner = (shares == most[pixels]) & (shares > rest[pixels])
+        winner = (shares == most[index]) & (shares > rest[index])
         result[pixels[winner]] = ids[winner]
         return result
 

@@ -63,7 +63,9 @@ class PictureError:
     def overall(self) -> float:
         """Estimated relative error of the sampled pixels, root mean square: their noise and the shared errors."""
         if len(self._accumulator.taken) and not self._known:
-            own = float(np.mean(np.square(self.own())))
+            squares = self.own()
+            own = float(np.mean(np.square(squares, out=squares)))
+            del squares
             irradiance, rest = self.shared_variance()
             self._overall = math.sqrt(own + float(np.mean(irradiance)) + rest)
             self._known = True
@@ -85,7 +87,7 @@ class PictureError:
         with DEVICE_LOCK:
             errors = self._accumulator.relative_errors(self._dark)
             if (self._accumulator.taken == 1).any():  # As in a draft.
-                errors = np.maximum(errors, self._accumulator.single_sample_errors(self._dark))
+                self._accumulator.include_single_samples(errors, self._dark)
             return errors
 
     def reducible(self, contrast: float) -> NDArray[np.float32]:
@@ -100,8 +102,8 @@ class PictureError:
         if not math.isfinite(irradiance) or irradiance == 0.0:
             return 0.0, rest
         with DEVICE_LOCK:
-            change, brightness = self._accumulator.change_and_brightness(self._dark)
-        return np.square(irradiance * change / brightness), rest
+            variance = self._accumulator.relative_changes(self._dark, irradiance)
+        return np.square(variance, out=variance), rest
 
     def light_list(self) -> float:
         """Relative error that the light lists so far give all pixels."""
@@ -119,27 +121,26 @@ class PictureError:
         count, parameters = len(self._accumulator.taken), self._parameters
         if not isinstance(integrator, DifferenceIntegrator) or spent < 4 * self.shared.spent or not count:
             return
-        own = self.own()[share.owns(np.arange(count))]
-        if not len(own) or float(np.sqrt(np.mean(np.square(own)))) > parameters.worth_shared:
+        own = self.own()
+        mine = own if share.count == 1 else own[share.owns(np.arange(count))]
+        if not len(mine) or float(np.sqrt(np.mean(np.square(mine)))) > parameters.worth_shared:
             return
+        del mine
         generator = np.random.default_rng([self._seed, SHARED_SEED, spent])
         with DEVICE_LOCK:
-            _, brightness = self._accumulator.change_and_brightness(self._dark)
             samples = parameters.compared_lists * parameters.light_list_length
             probes = max(spent // (parameters.paths_a_light_sample * samples), parameters.fewest_probes)
             probes = min(probes, parameters.most_probes)
-            # Lists err most where paths do, which may be few pixels.
-            chance = np.square(self.own().astype(np.float64))
-            chance = 0.5 * chance / max(float(chance.sum()), 1e-300) + 0.5 / len(chance)
-            chance /= chance.sum()
-            slots = generator.choice(count, probes, p=chance)
+            slots, chance = _drawn(own, probes, generator)
+            del own
+            brightness = self._accumulator.brightnesses(self._dark)
             light_list = light_list_error(
                 integrator,
                 self._prepared.place,
                 self._sampling.ray_through,
                 self._sampling.pixels[slots],
                 brightness[slots],
-                1.0 / (len(chance) * chance[slots]),
+                1.0 / (count * chance),
                 parameters.light_list_length,
                 parameters.compared_lists,
                 generator,
@@ -164,3 +165,30 @@ class PictureError:
             differences.append((totals[1] - totals[0]) / parameters.cache_samples)
         now = difference_error(differences[0], differences[1], brightness[slots])
         return now * math.sqrt(self._sampling.cache_use.share(cache.records))
+
+
+def _drawn(
+    errors: NDArray[np.float32], count: int, generator: np.random.Generator
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Pixels to estimate shared errors in: lists err most where paths do, which may be few pixels.
+
+    Args:
+        errors: of all pixels, shape (n,).
+        count: how many to draw; one may be drawn several times.
+        generator: source of randomness.
+
+    Returns:
+        Indices, shape (count,), and the chance of each in one draw.
+    """
+    chances = errors.astype(np.float64)
+    np.square(chances, out=chances)
+    total = max(float(chances.sum()), 1e-300)
+    chances *= 0.5
+    chances /= total
+    chances += 0.5 / len(chances)
+    chances /= chances.sum()
+    # As Generator.choice does it, but in place: of a large image, the chances count.
+    below = np.cumsum(chances, out=chances)
+    below /= below[-1]
+    slots = below.searchsorted(generator.random(count), side="right")
+    return slots, below[slots] - np.where(slots > 0, below[slots - 1], 0.0)

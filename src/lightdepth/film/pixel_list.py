@@ -7,8 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
+from lightdepth.cameras.topology import Rectangle
 from lightdepth.film.schedule import Region
 from lightdepth.film.sparse import sparse_zeros
+
+PIXELS_AT_ONCE = 1 << 20
 
 
 class PixelList:
@@ -54,8 +57,12 @@ class PixelList:
         image, topology = self.scattered(error), self._topology
         around = np.empty_like(image)
         for chart in topology.charts:
-            window = topology.window(chart, chart, reach)
-            around[chart.slices] = cv2.filter2D(window.cut(image), -1, kernel)[window.inner]
+            # In strips: of a large image, copies count.
+            for top in range(chart.top, chart.bottom, max(PIXELS_AT_ONCE // chart.width, 1)):
+                bottom = min(top + max(PIXELS_AT_ONCE // chart.width, 1), chart.bottom)
+                strip = Rectangle(top, bottom, chart.left, chart.right)
+                window = topology.window(chart, strip, reach)
+                around[strip.slices] = cv2.filter2D(window.cut(image), -1, kernel)[window.inner]
         around = around.reshape(-1)
         return around if around.size == error.size else around[self.indices]
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Viewpoint
 from lightdepth.errors import InputError
 from lightdepth.film.accumulation import Accumulator
-from lightdepth.film.allocation import Allocation
+from lightdepth.film.allocation import Allocation, Sharing
 from lightdepth.film.auxiliary import render_auxiliary
 from lightdepth.film.cryptomatte import shape_names
 from lightdepth.film.frame import CAMERA, EXPOSURE, PLATE_GAIN, Frame
@@ -28,7 +28,7 @@ from lightdepth.film.pixel_list import PixelList
 from lightdepth.film.plate import kept_plate, render_shares
 from lightdepth.film.sampling import Sampling
 from lightdepth.film.schedule import Region, Round, Target, passes, pilot_samples
-from lightdepth.film.selection import influenced_pixels, matte_support
+from lightdepth.film.selection import influenced_pixels, shown_in_the_middle
 from lightdepth.film.shared_errors import ListUse, SharedErrors
 from lightdepth.film.sums import Origin, PixelSums, Share
 from lightdepth.images.tonemapping import auto_exposure
@@ -120,8 +120,9 @@ class Rendering:
         self._support, shared = None, None
         if sharing is not None:
             with DEVICE_LOCK:
-                self._support = matte_support(view, prepared)
-            shared = np.where(self._support.reshape(-1)[self.pixels], np.int32(sharing), np.int32(1))
+                self._support, unchanged = shown_in_the_middle(view, prepared)
+            frames = np.where(self._support.reshape(-1)[self.pixels], np.int32(sharing), np.int32(1))
+            shared = Sharing(frames, unchanged.reshape(-1)[self.pixels])
         self._allocation = Allocation(self._list, self._accumulator, self.errors, self._parameters, shared)
         self._round: Round | None = None
         self._digests: tuple[str, str] | None = None
@@ -263,6 +264,7 @@ class Rendering:
     def sums(self) -> PixelSums:
         """The sums so far of this share's pixels, and of its paths from the light for all pixels."""
         named, light_count = self._all_sums()
+        named = {name: values.copy() for name, values in named.items()}
         taken, mine = self._accumulator.taken.copy(), self.share.owns(np.arange(len(self.pixels)))
         for name in ("change", "synthetic", "squares", "covered"):
             named[name][~mine] = 0.0
@@ -314,9 +316,12 @@ class Rendering:
             raise InputError(f"what was computed before is of another picture: it is of {difference}")
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """All that this rendering's future depends on: plain values, and arrays by name. See :meth:`restore`."""
+        """All that this rendering's future depends on: plain values, and arrays by name. See :meth:`restore`.
+
+        The arrays are to be used before it goes on: they are where they lie in memory.
+        """
         named, light_count = self._all_sums()
-        named |= {"pixels": self.pixels, "taken": self._accumulator.taken.copy()}
+        named |= {"pixels": self.pixels, "taken": self._accumulator.taken}
         this = self._round
         sampling, sampled = self._sampling.state()
         header: dict[str, Any] = {
@@ -335,6 +340,8 @@ class Rendering:
 
     def restore(self, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
         """Go on from a :meth:`state`, which may be another process's: the image becomes the same, bit for bit.
+
+        Large arrays are taken out of ``arrays`` one by one.
 
         Raises:
             InputError: it is the state of another picture.

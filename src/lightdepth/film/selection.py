@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import reduce
 
+import cv2
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -17,13 +18,15 @@ from lightdepth.preparation import Prepared
 
 TILE = 8
 """Pixels along the side of the tiles that are kept or skipped as a whole."""
+LENS_POINTS = ((0.5, 0.5), *((x, y) for x in (0.0, 0.25, 0.75, 1.0) for y in (0.0, 0.25, 0.75, 1.0)))
+"""Of a lens with an aperture, its middle first."""
 
 
 def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]:
     """Pixels that see new surfaces or surfaces that receive their influence, row-major indices, ascending.
 
     A ray is traced through each corner and the middle of every tile; a tile counts if it or any of its neighbours meets
-    a synthetic surface, support, or a glossy surface, or if an object's bounds reach into it, so that nothing thin is
+    a synthetic surface, support, or a glossy surface, or if a part of an object comes near it, so that nothing thin is
     missed.
     """
     surfaces = prepared.surfaces
@@ -32,6 +35,8 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
         return np.zeros(0, np.uint32)
     columns, rows = -(-width // TILE), -(-height // TILE)
     kept = np.zeros((rows, columns), bool)
+    # Over the lens as well: what it blurs is seen from any point of it.
+    lenses = LENS_POINTS if view.camera.has_aperture else LENS_POINTS[:1]
     for band in bands(columns, rows):
         reached = mi.Bool(False)
         rays: list[mi.Ray3f] = []
@@ -39,41 +44,48 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
             film = mi.Point2f(
                 dr.minimum((band.column + x) * (TILE / width), 1.0), dr.minimum((band.row + y) * (TILE / height), 1.0)
             )
-            seen = view.rays(film, mi.Point2f(0.5))
-            ray, inside = seen.ray, seen.inside
-            found = first_hit(surfaces.all, ray, coherent=True, active=inside)
-            on_real = surfaces.is_real(found)
-            hit = surfaces.real_hit(ray, found, on_real)
-            reached |= inside & found.is_valid() & (~on_real | surfaces.scatters(hit))
-            rays.append(ray)
+            for number, lens in enumerate(lenses):
+                seen = view.rays(film, mi.Point2f(*lens))
+                ray, inside = seen.ray, seen.inside
+                found = first_hit(surfaces.seen, ray, coherent=True, active=inside)
+                on_real = surfaces.is_real(found)
+                hit = surfaces.real_hit(ray, found, on_real)
+                reached |= inside & found.is_valid() & (~on_real | surfaces.scatters(hit))
+                if number == 0:
+                    rays.append(ray)
+                else:
+                    dr.eval(reached)
         middle, *corners = rays
         cosines = [dr.dot(corner.d, middle.d) for corner in corners]
         radius = dr.acos(dr.clip(reduce(dr.minimum, cosines), -1, 1))
-        if prepared.integrator.bounds is not None:
-            reached |= prepared.integrator.bounds.near(middle, radius)
+        if prepared.outline is not None:
+            reached |= prepared.outline.near(middle, radius, view, radius * (2.0 / TILE))
         kept[band.rows] = reached.numpy().reshape(band.shape)
     return _pixels_of(_grown(kept, view.topology), width, height)
 
 
-def matte_support(view: Viewpoint, prepared: Prepared) -> NDArray[np.bool_]:
-    """Pixels that show support without gloss in their middle, whose change does not depend on the camera.
-
-    Surfaces with rest positions are left out: what they show is not a share of the photograph.
+def shown_in_the_middle(view: Viewpoint, prepared: Prepared) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """What the pixels show in their middle.
 
     Returns:
-        Shape (height, width).
+        Which show support without gloss, whose change does not depend on the camera, surfaces with rest positions left
+        out, since what they show is not a share of the photograph; and which show, like all pixels beside them, nothing
+        that changes. Shape (height, width) each.
     """
     surfaces = prepared.surfaces
     width, height = view.resolution
-    result = np.empty((height, width), bool)
+    support, unchanged = np.empty((height, width), bool), np.empty((height, width), np.uint8)
     for band in bands(width, height):
         seen = view.pixel_rays(band.column, band.row, mi.Point2f(0.5), mi.Point2f(0.5))
-        found = first_hit(surfaces.all, seen.ray, coherent=True, active=seen.inside)
+        found = first_hit(surfaces.seen, seen.ray, coherent=True, active=seen.inside)
         on_real = seen.inside & surfaces.is_real(found)
         hit = surfaces.real_hit(seen.ray, found, on_real)
         matte = on_real & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0)
-        result[band.rows] = matte.numpy().reshape(band.shape)
-    return result
+        same = ~(seen.inside & found.is_valid()) | (on_real & ~surfaces.scatters(hit))
+        dr.eval(matte, same)
+        support[band.rows] = matte.numpy().reshape(band.shape)
+        unchanged[band.rows] = same.numpy().reshape(band.shape)
+    return support, cv2.erode(unchanged, np.ones((3, 3), np.uint8)) > 0
 
 
 def _grown(kept: NDArray[np.bool_], topology: Topology) -> NDArray[np.bool_]:

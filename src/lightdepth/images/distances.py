@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.array_file import read_array
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, warn
 from lightdepth.images.exr import ExrHeader, ExrReader
@@ -230,20 +231,7 @@ def _words(part: ExrHeader, channel: str) -> list[str]:
 
 
 def _from_npy(path: Path) -> np.ndarray:
-    with path.open("rb") as file:
-        start = file.read(6)
-    if start[:4] == b"PK\x03\x04":
-        raise InputError(
-            f"{path}: is an archive of arrays (.npz), though it is named .npy; save one array by numpy.save"
-        )
-    if start != b"\x93NUMPY":
-        raise InputError(f"{path}: not a readable .npy file: it does not start like one")
-    try:
-        values = np.load(path, allow_pickle=False)
-    except Exception as error:  # A damaged header surfaces as whatever the parser met.
-        raise InputError(
-            f"{path}: not a readable .npy file: it is damaged, cut off, or holds Python objects"
-        ) from error
+    values = read_array(path)
     if values.dtype.kind not in "fiu":
         raise InputError(f"{path}: holds {values.dtype}; distances are numbers")
     return values

@@ -18,6 +18,7 @@ from lightdepth.images.filling import fill
 from lightdepth.images.gain_map import GainMap, has_gain_map, read_gain_map
 from lightdepth.images.gpano import PhotoSphere, read_photo_sphere
 from lightdepth.images.icc import ColourProfile, read_profile, srgb_profile
+from lightdepth.images.orientation import upright
 from lightdepth.images.panorama_image import PanoramaImage
 from lightdepth.packages import optional_package
 
@@ -52,7 +53,13 @@ def read_photograph(path: Path) -> PanoramaImage:
         InputError: the file is unreadable, no panorama, mirrored, upside down, or in colours that are not read.
         SetupError: HEIC, and the package that reads it is not installed.
     """
-    pixels, profile, xmp, gains = _opened(path)
+    pixels, profile, xmp, gains, orientation = _opened(path)
+    turned = _ORIENTATIONS.get(orientation)
+    if turned is not None:
+        raise InputError(
+            f"{path}: its metadata (EXIF orientation) says that it is stored {turned}; open it in an image program and "
+            "save it upright, or set the orientation to 1 where it is upright already"
+        )
     height, width = pixels.shape[:2]
     sphere = read_photo_sphere(xmp, width, height, str(path))
     _check_shape(pixels, sphere, path)
@@ -92,17 +99,18 @@ def read_flat_photograph(path: Path) -> NDArray[np.float32]:
     """Read an ordinary photograph of any shape, made linear as :func:`read_photograph` does it.
 
     Returns:
-        Linear Rec.709, shape (height, width, 3), float32; 1 is the screen's white. What is transparent is as in the file.
+        Linear Rec.709, shape (height, width, 3), float32, turned upright as the metadata say; 1 is the screen's white. What
+        is transparent is as in the file.
 
     Raises:
-        InputError: the file is unreadable, mirrored, not upright, or in colours that are not read.
+        InputError: the file is unreadable, or in colours that are not read.
         SetupError: HEIC, and the package that reads it is not installed.
     """
-    pixels, profile, _, gains = _opened(path)
-    return _linear(pixels[..., :3], profile, gains if isinstance(gains, GainMap) else None)
+    pixels, profile, _, gains, orientation = _opened(path)
+    return upright(_linear(pixels[..., :3], profile, gains if isinstance(gains, GainMap) else None), orientation)
 
 
-def _opened(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str | None]:
+def _opened(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str | None, int]:
     """:func:`_decoded`, of HEIC as well."""
     if path.suffix.lower() in HEIF:
         optional_package("pillow_heif", "heic").register_heif_opener()
@@ -111,8 +119,13 @@ def _opened(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str | 
         return _decoded(path)
 
 
-def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str | None]:
-    """Pixels of shape (h, w, 3 or 4) as uint8, uint16 or float32, profile, XMP packet, gain map or why it is not read."""
+def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str | None, int]:
+    """What a file holds.
+
+    Returns:
+        Pixels of shape (h, w, 3 or 4) as uint8, uint16 or float32, profile, XMP packet, gain map or why it is not read, and
+        EXIF orientation, which is not applied.
+    """
     gains: GainMap | str | None = None
     try:
         with path.open("rb") as file:
@@ -132,19 +145,13 @@ def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str |
     except (OSError, SyntaxError, ValueError, TypeError, struct.error, Image.DecompressionBombError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "damaged, or of another format"
         raise InputError(f"{path}: not a readable picture ({reason})") from error
-    turned = _ORIENTATIONS.get(orientation)
-    if turned is not None:
-        raise InputError(
-            f"{path}: its metadata (EXIF orientation) says that it is stored {turned}; open it in an image program and "
-            "save it upright, or set the orientation to 1 where it is upright already"
-        )
     if pixels is None:
         pixels = _by_opencv(path)
     try:
         profile = read_profile(icc) if icc else srgb_profile()
     except ValueError as error:
         raise InputError(f"{path}: {error}; save the picture in sRGB") from error
-    return pixels, profile, xmp, gains
+    return pixels, profile, xmp, gains, orientation
 
 
 def _gains(path: Path, image: Image.Image, xmp: bytes) -> GainMap | str | None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import drjit as dr
@@ -13,21 +16,46 @@ from lightdepth.errors import InputError
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.textures import TextureCache
+from lightdepth.kernel.tracing import CAN_INSTANCE, Instances, Prototype
 from lightdepth.scene.identity import digest
 from lightdepth.scene.materials import Material
+from lightdepth.scene.meshes.geometry import expanded
 from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticPart
 
+CELL = 4.0
+"""Edge of the cells in which prototypes of instances stand, in which they reach from -1 to 1."""
+FEW_TRIANGLES = 16
+"""Of a mesh that takes less memory at each of its places than a place does."""
 NUMBERS = 128
 """Shapes of this many parts, of all scenes in memory, for which kernels stay the same."""
 
 
-def synthetic_shapes(scene: Scene) -> list[tuple[int, mi.Shape]]:
+@dataclass(frozen=True, eq=False)
+class SyntheticShapes:
     """The shapes of the synthetic objects, with their BSDFs and emitters.
 
-    What is the same as in the last scene is the same shape, so that a moved object makes no other work than its own.
+    Attributes:
+        numbered: pairs of an index into ``scene.synthetic`` and a shape; an object of several parts has several shapes.
+        spheres: around each of them in the world, with all its instances: centre, shape (3,), and radius, in metres.
+        parts: spheres around each of them, around each instance, and the vertices, shape (n, 3), and faces, shape
+            (m, 3), of meshes that are no instances.
+        plain: those that stand where they are in the world.
+        instances: the others; ``None`` where there are none.
+        unseen: those that cameras do not see by themselves.
+    """
 
-    Returns:
-        Pairs of an index into ``scene.synthetic`` and a shape; an object of several parts has several shapes.
+    numbered: tuple[tuple[int, mi.Shape], ...]
+    spheres: tuple[tuple[np.ndarray, float], ...]
+    parts: tuple[tuple[tuple[np.ndarray, float], tuple[np.ndarray, np.ndarray] | None], ...]
+    plain: tuple[mi.Shape, ...]
+    instances: Instances | None
+    unseen: tuple[mi.Shape, ...] = ()
+
+
+def synthetic_shapes(scene: Scene) -> SyntheticShapes:
+    """The shapes of the synthetic objects.
+
+    What is the same as in the last scene is the same shape, so that a moved object makes no other work than its own.
 
     Raises:
         InputError: Mitsuba refuses a material.
@@ -35,16 +63,124 @@ def synthetic_shapes(scene: Scene) -> list[tuple[int, mi.Shape]]:
     global _last
     _hold_numbers()
     builder = _Builder(_last)
-    shapes = []
-    for index, thing in enumerate(scene.synthetic):
-        for part in thing.parts:
-            try:
-                shapes.append((index, builder.shape(part)))
-            except _RefusedMaterialError as error:
-                place = f'[[synthetic]] {index + 1} ("{thing.name}"): material'
-                raise InputError(f"{scene.path or 'scene'}: {place}: {error}") from error
+    parts = [(index, part) for index, thing in enumerate(scene.synthetic) for part in thing.parts]
+    # What cameras do not see is left out of a scene by its shape.
+    limits = [
+        scene.render.parameters.transport.expanded_triangles if scene.synthetic[index].visible_to_camera else None
+        for index, _ in parts
+    ]
+    prototypes = _prototypes([part for _, part in parts], limits)
+    owners = {number: prototype for prototype in prototypes for number in prototype.parts}
+    shapes, spheres = [], []
+    for number, (index, part) in enumerate(parts):
+        prototype = owners.get(number)
+        try:
+            shape = builder.shape(part if prototype is None else prototype.in_cell(part))
+        except _RefusedMaterialError as error:
+            place = f'[[synthetic]] {index + 1} ("{scene.synthetic[index].name}"): material'
+            raise InputError(f"{scene.path or 'scene'}: {place}: {error}") from error
+        shapes.append((index, shape))
+        spheres.append(enclosing_sphere(shape) if prototype is None else prototype.sphere())
     _last = builder.without_predecessor()
-    return shapes
+    plain = tuple(shape for number, (_, shape) in enumerate(shapes) if number not in owners)
+    outline = [(spheres[number], mesh_of(shape)) for number, (_, shape) in enumerate(shapes) if number not in owners]
+    outline += [(sphere, None) for prototype in prototypes for sphere in prototype.spheres()]
+    instances = None
+    if prototypes:
+        instances = Instances([each.traced() for each in prototypes], [shapes[number][1] for number in owners])
+    unseen = tuple(shape for index, shape in shapes if not scene.synthetic[index].visible_to_camera)
+    return SyntheticShapes(tuple(shapes), tuple(spheres), tuple(outline), plain, instances, unseen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Prototype:
+    """Parts of an object that stand together at many places, in a cell of their own.
+
+    Attributes:
+        parts: their numbers.
+        low: smallest coordinates of their box, shape (3,).
+        high: the largest.
+        cell: middle of the cell, shape (3,).
+        places: matrices to the world, shape (n, 4, 4).
+    """
+
+    parts: tuple[int, ...]
+    low: np.ndarray
+    high: np.ndarray
+    cell: np.ndarray
+    places: np.ndarray
+
+    @property
+    def _middle(self) -> np.ndarray:
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def _size(self) -> float:
+        return 0.5 * float((self.high - self.low).max())
+
+    def in_cell(self, part: SyntheticPart) -> SyntheticPart:
+        """One of the parts as it stands in the cell, which it fills from -1 to 1."""
+        assert isinstance(part.geometry, Mesh)
+        vertices = (part.geometry.vertices - self._middle) / self._size + self.cell
+        return SyntheticPart(replace(part.geometry, vertices=vertices.astype(np.float32)), part.material)
+
+    def traced(self) -> Prototype:
+        """The same for rays."""
+        from_cell = np.eye(4)
+        from_cell[:3] = np.column_stack([self._size * np.eye(3), self._middle - self._size * self.cell])
+        low, high = ((end - self._middle) / self._size + self.cell for end in (self.low, self.high))
+        return Prototype(low, high, self.places @ from_cell)
+
+    def sphere(self) -> tuple[np.ndarray, float]:
+        """Around all that stands in the world."""
+        points = self._corners()
+        centre = 0.5 * (points.min(axis=(0, 1)) + points.max(axis=(0, 1)))
+        return centre, float(np.linalg.norm(points - centre, axis=2).max())
+
+    def spheres(self) -> list[tuple[np.ndarray, float]]:
+        """Around what stands at each place."""
+        points = self._corners()
+        centres = 0.5 * (points.min(axis=1) + points.max(axis=1))
+        return list(zip(centres, np.linalg.norm(points - centres[:, None], axis=2).max(axis=1).tolist(), strict=True))
+
+    def _corners(self) -> np.ndarray:
+        """Of the boxes at all places, in the world, shape (n, 8, 3)."""
+        ends = np.stack([self.low, self.high])
+        corners = np.stack([ends[(index >> np.arange(3)) & 1, np.arange(3)] for index in range(8)])
+        return np.einsum("nij,cj->nci", self.places[:, :3, :3], corners) + self.places[:, None, :3, 3]
+
+
+def _prototypes(parts: Sequence[SyntheticPart], limits: Sequence[int | None]) -> list[_Prototype]:
+    """Parts that are too much to be expanded, those at the same places together.
+
+    Args:
+        parts: of all objects.
+        limits: most triangles that are expanded; ``None`` expands all.
+    """
+    together: dict[int, list[int]] = {}
+    for number, (part, limit) in enumerate(zip(parts, limits, strict=True)):
+        if limit is not None and _stays_instanced(part, limit):
+            together.setdefault(id(part.places), []).append(number)
+    edge = next(edge for edge in itertools.count(1) if edge**3 >= len(together))
+    prototypes = []
+    for index, numbers in enumerate(together.values()):
+        vertices = [parts[number].geometry.vertices for number in numbers]  # type: ignore[union-attr]
+        low = np.min([each.min(axis=0) for each in vertices], axis=0).astype(np.float64)
+        high = np.max([each.max(axis=0) for each in vertices], axis=0).astype(np.float64)
+        cell = CELL * (np.array(np.unravel_index(index, (edge,) * 3)) - 0.5 * (edge - 1))
+        places = parts[numbers[0]].places
+        assert places is not None
+        prototypes.append(_Prototype(tuple(numbers), low, high, cell, places))
+    return prototypes
+
+
+def _stays_instanced(part: SyntheticPart, expanded_triangles: int) -> bool:
+    """Whether a part stands once in memory: lamps do not, which are sampled by their surface, and what is as small."""
+    if part.places is None or not CAN_INSTANCE or "emitter" in part.material.plugins():
+        return False
+    assert isinstance(part.geometry, Mesh)
+    triangles = len(part.geometry.faces)
+    return triangles > FEW_TRIANGLES and triangles * len(part.places) > expanded_triangles
 
 
 def _hold_numbers() -> None:
@@ -105,6 +241,14 @@ def is_polished(shape: mi.Shape) -> bool:
     return any(mi.has_flag(shape.bsdf().flags(), kind) for kind in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Delta))
 
 
+def mesh_of(shape: mi.Shape) -> tuple[np.ndarray, np.ndarray] | None:
+    """Vertices, shape (n, 3), world, metres, and faces, shape (m, 3), of a mesh; ``None`` of another shape."""
+    if not isinstance(shape, mi.Mesh):
+        return None
+    vertices = shape.vertex_position(dr.arange(mi.UInt32, shape.vertex_count())).numpy().T
+    return vertices, shape.face_indices(dr.arange(mi.UInt32, shape.face_count())).numpy().T
+
+
 def enclosing_sphere(shape: mi.Shape) -> tuple[np.ndarray, float]:
     """A sphere around a shape: centre of its bounding box, shape (3,), world, and radius, both in metres."""
     box = shape.bbox()
@@ -156,6 +300,8 @@ class _Builder:
 
     def _made(self, part: SyntheticPart, bsdf: mi.BSDF) -> mi.Shape:
         geometry = part.geometry
+        if part.places is not None and isinstance(geometry, Mesh):
+            geometry = expanded(geometry, part.places)
         light = part.material.plugins().get("emitter")
         light = None if light is None else self._textures.plugin(light, v_up=isinstance(geometry, AnalyticShape))
         if isinstance(geometry, Mesh):

@@ -39,6 +39,14 @@ LARGEST_GLOW = 25.0
 """Degrees of a plateau's angular radius up to which its middle says where in it the sun stands."""
 ROUNDS = 3
 """In which several sources are recovered, each with what the last round found of the others."""
+PLACE_ERROR = 0.05
+"""Relative error of the light at a place of known albedo."""
+GAIN_SPREAD = 1.0
+"""How much the gains of lamps of one room may differ, relative to their common one, where places do not tell them apart."""
+TOO_DARK = (
+    "--grey: with this albedo the place is darker than the panorama's own light makes it; the albedo is too large, or the "
+    "place is in shadow"
+)
 POINTS = 1500
 LIT = 0.3
 """Share of the strongest irradiance from the source from which on a point contributes to its bounds."""
@@ -109,6 +117,8 @@ def recover_clipped(
     plateaus = find_plateaus(scene, distance)
     clicked = [_read_pair(text, size, view) for text in pairs]
     known = [_read_grey(text, size, view) for text in grey]
+    if known and not clicked and len(plateaus) > 1 and not any(plateau.sky for plateau in plateaus):
+        return _together(scene, view, plateaus, known)
     if (clicked or known) and len(plateaus) > 1:
         plateaus = plateaus[:1]  # Clicks are about the strongest one.
     results: dict[int, RecoveredSource] = {}
@@ -175,12 +185,77 @@ def _recovered(
         return replace(nothing, method="not clipped")
     relative = error / np.maximum(total, 1e-30)
     radiance = total / float(angles.sum())
-    worst = float(np.nanmax(relative)) if np.isfinite(relative).any() else 1.0
-    confidence = "good" if worst <= 0.05 else "fair" if worst <= 0.15 else "poor"
+    confidence = _confidence(relative)
     if method == "falloff" and confidence == "good":
         confidence = "fair"
     source = replace(place, radiance=radiance)
     return RecoveredSource(plateau, source, method, total, now, low, high, relative, confidence)
+
+
+def _together(
+    scene: Scene, view: PanoramaView, plateaus: Sequence[Plateau], grey: Sequence[tuple[FloatArray, FloatArray]]
+) -> list[RecoveredSource]:
+    """Several lamps from places of known albedo; those that the places do not tell apart get one gain in common."""
+    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
+    places, albedo = (np.array(each) for each in zip(*grey, strict=True))
+    seen = view.look(places)
+    light = explained.irradiance(seen.point, seen.normal, SAMPLES)
+    missing = np.pi * _around(view, places) / albedo - light
+    if np.any(np.median(missing, axis=0) < -NOT_CLIPPED * np.median(light, axis=0)):
+        raise InputError(TOO_DARK)
+    sources = [_source_at(scene, plateau, plateau.direction, None) for plateau in plateaus]
+    shares = [covered(scene.panorama.radiance, source) for source in sources]
+    alone = [ExplainedLight(_alone(scene, share), scene.real, scene.render.seed) for share in shares]
+    given = np.stack([each.irradiance(seen.point, seen.normal, SAMPLES) for each in alone], axis=1)
+    more, errors = solve_gains(missing, given, light)
+    results = []
+    for plateau, source, share, extra, error in zip(plateaus, sources, shares, more, errors, strict=True):
+        angles = pixel_solid_angles(*share.shape)[:, None] * share
+        now = (scene.panorama.radiance * angles[..., None]).sum(axis=(0, 1)).astype(np.float64)
+        low, high = _bounds(scene, view, explained, source, now)
+        if float((extra * now).sum()) <= NOT_CLIPPED * float(((1.0 + extra) * now).sum()):
+            none = np.full(3, np.nan)
+            results.append(RecoveredSource(plateau, None, "not clipped", now, now, low, high, none, "none"))
+            continue
+        total, relative = (1.0 + extra) * now, error / (1.0 + extra)
+        found = replace(source, radiance=total / float(angles.sum()))
+        confidence = _confidence(relative)
+        results.append(RecoveredSource(plateau, found, "known albedo", total, now, low, high, relative, confidence))
+    return results
+
+
+def solve_gains(missing: FloatArray, given: FloatArray, light: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What sources send beyond what they were clipped to, as factors of it, and their standard errors.
+
+    Least squares without negative values (Lawson and Hanson), with a weak pull toward the factor that fits best if it is
+    the same for all: sources that no place tells apart share it.
+
+    Args:
+        missing: irradiance that places lack, shape (n, 3).
+        given: that each clipped source gives them, shape (n, k, 3).
+        light: all that they get in the clipped map, shape (n, 3).
+
+    Returns:
+        Two arrays of shape (k, 3).
+    """
+    from scipy.optimize import nnls
+
+    count = given.shape[1]
+    factors, errors = np.zeros((count, 3)), np.zeros((count, 3))
+    for channel in range(3):
+        weight = 1.0 / (PLACE_ERROR * np.maximum(light[:, channel], 1e-30))
+        matrix, wanted = given[..., channel] * weight[:, None], missing[:, channel] * weight
+        whole = matrix.sum(axis=1)
+        common = max(float(whole @ wanted / max(whole @ whole, 1e-30)), 1e-6)
+        pull = np.eye(count) / (GAIN_SPREAD * common)
+        factors[:, channel], _ = nnls(np.vstack([matrix, pull]), np.concatenate([wanted, common * pull.sum(axis=0)]))
+        errors[:, channel] = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix + pull @ pull)))
+    return factors, errors
+
+
+def _confidence(relative: FloatArray) -> str:
+    worst = float(np.nanmax(relative)) if np.isfinite(relative).any() else 1.0
+    return "good" if worst <= 0.05 else "fair" if worst <= 0.15 else "poor"
 
 
 def _source_at(scene: Scene, plateau: Plateau, direction: FloatArray, diameter: float | None) -> ClippedSource:
@@ -259,10 +334,7 @@ def _from_grey(
     light = explained.irradiance(seen.point, seen.normal, SAMPLES)
     values = (np.pi * _around(view, places) / albedo - light) / cosine[:, None]
     if np.any(np.median(values, axis=0) < -0.1 * now):
-        raise InputError(
-            "--grey: with this albedo the place is darker than the panorama's own light makes it; the albedo is too large, "
-            "or the place is in shadow"
-        )
+        raise InputError(TOO_DARK)
     return _median(values)
 
 

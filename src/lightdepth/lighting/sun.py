@@ -17,7 +17,7 @@ from lightdepth.lighting.sun_irradiance import FEWEST_PAIRS, SunIrradiance, comb
 from lightdepth.lighting.sun_search import SunSearch
 from lightdepth.lighting.sunlight import Sunlight
 from lightdepth.scene.lights.frame import azimuth_and_elevation
-from lightdepth.scene.model import Scene
+from lightdepth.scene.model import Scene, SunLight
 
 LEAST_AGREEMENT = 0.12
 """Correlation of what a direction lights with what is bright from which on a patch is believed to be one of sun;"""
@@ -56,6 +56,10 @@ class RecoveredSun:
     irradiance: SunIrradiance
     by_surface: dict[str, FloatArray]
     confidence: str
+
+    def light(self, name: str = "sun") -> SunLight:
+        """The sun as a light of the scene, without a mask."""
+        return SunLight(name, self.direction, self.diameter, self.irradiance.value)
 
 
 def recover_sun(

@@ -6,7 +6,9 @@ share of the sun that passed toward it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +18,10 @@ from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
 from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import REC709, PanoramaView
-from lightdepth.lighting.sun import RecoveredSun
 from lightdepth.lighting.sunlight import Sunlight
+from lightdepth.scene.identity import place_digest
 from lightdepth.scene.lights.frame import sun_axes
-from lightdepth.scene.model import Scene
+from lightdepth.scene.model import Scene, SunLight
 
 FINENESS = 0.8
 """Of the mask's texels, relative to the patch's pixels as the sun sees them."""
@@ -31,6 +33,8 @@ LIGHT_POINTS = 3000
 NEAR = 40
 """Nearest shaded pixels of the same surface that give a point's albedo."""
 FEWEST_PIXELS = 30
+KEPT = 2
+"""Places of which a process keeps the masks."""
 
 
 @dataclass(frozen=True)
@@ -47,15 +51,48 @@ class SunMask:
     extent: tuple[float, float, float, float]
 
 
-def recover_mask(scene: Scene, sun: RecoveredSun) -> SunMask:
-    """Recover the pattern in which a recovered sun falls into the place.
+def masked_suns(scene: Scene) -> tuple[SunLight, ...]:
+    """The suns of a scene, with the masks that are to be recovered.
+
+    A process keeps those of the places that it saw last: checking a scene and preparing it both need them.
+
+    Raises:
+        InputError: as :func:`recover_mask`.
+    """
+    if not any(sun.recover_mask for sun in scene.lights):
+        return scene.lights
+    key = place_digest(scene)
+    with _lock:
+        if key not in _kept:
+            _kept[key] = tuple(_masked(scene, sun) for sun in scene.lights)
+            while len(_kept) > KEPT:
+                _kept.popitem(last=False)
+        return _kept[key]
+
+
+_kept: OrderedDict[str, tuple[SunLight, ...]] = OrderedDict()
+_lock = threading.Lock()
+
+
+def _masked(scene: Scene, sun: SunLight) -> SunLight:
+    if not sun.recover_mask:
+        return sun
+    try:
+        mask = recover_mask(scene, sun)
+    except InputError as error:
+        raise InputError(f"[[light]] '{sun.name}', mask = \"recover\": {error}") from error
+    return replace(sun, mask=mask.transmittance, mask_extent=mask.extent, recover_mask=False)
+
+
+def recover_mask(scene: Scene, sun: SunLight) -> SunMask:
+    """Recover the pattern in which a sun falls into the place.
 
     Places that the sun would reach through the modelled openings but that the photograph does not show are taken to get
     what the nearest that it shows get.
 
     Args:
         scene: the place.
-        sun: recovered in it.
+        sun: one that it lights up; a mask that it has plays no part.
 
     Raises:
         InputError: the photograph shows too little of the patch, or no shade of the surfaces that it lies on.
@@ -92,7 +129,7 @@ def recover_mask(scene: Scene, sun: RecoveredSun) -> SunMask:
         albedo = np.median(apparent[shade][neighbours], axis=1)
         cosine = normals[in_patch[here]] @ sun.direction
         excess = np.pi * brightness[here] / np.maximum(albedo, 1e-6) - light[here]
-        transmittance[here] = (excess / (sun.irradiance.value * cosine[:, None])) @ REC709
+        transmittance[here] = (excess / (sun.irradiance * cosine[:, None])) @ REC709
     # Edges of the patch mix both sides; what the modelled openings hold back there is not the mask's.
     known = np.isfinite(transmittance) & _within(view, usable, share == 1.0)[in_patch]
     if known.sum() < FEWEST_PIXELS:

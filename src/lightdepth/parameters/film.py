@@ -30,6 +30,8 @@ class FilmParameters:
         packet_distance: packets of pixels that want equally many samples are at least so far apart, where there are
             enough, so that no processor core is left with all of the long ones.
         pilot_samples: samples that every pixel gets, at most half of all, before the rest is spent where the error is.
+        unchanged_pilot: the same in frames that share their samples, of pixels whose middle and whose neighbours' middles
+            show neither support nor anything new.
         quantum: further samples come in multiples of this.
         most_share: no pixel gets more than this many times the average number of samples.
         contrast: the power of a pixel's brightness that the error is relative to where samples are shared out, as in
@@ -75,6 +77,7 @@ class FilmParameters:
     samples_at_once: Count = 256
     packet_distance: Annotated[Count, Field(le=256)] = 64
     pilot_samples: Count = 16
+    unchanged_pilot: Count = 2
     quantum: Count = 4
     most_share: Count = 16
     contrast: Share = 0.5

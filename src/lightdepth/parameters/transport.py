@@ -21,8 +21,12 @@ class TransportParameters:
             finds that it is not.
         directed_share: of the scattered rays at support, that are object-directed where the objects fill a small part of
             the view.
-        glossy_share: of the other ones, that sample the specular lobe of a glossy surface.
+        glossy_share: of the other ones, that sample the specular lobe of a glossy surface that is not black beneath.
+        mirrors_all: share of the paths that come from an object to a glossy surface and follow what its lobe mirrors, of
+            all light; the others follow the change of its matte part.
         most_spheres: objects beyond this count share bounding spheres; each costs a test at each support vertex.
+        expanded_triangles: meshes that stand at many places become one mesh of at most this many triangles; beyond, each
+            stands once in memory, and rays take longer to find it.
         roulette_depth: scatterings before Russian roulette by throughput begins.
         largest_survival: probability with which a path goes on at most, so that none is endless.
         roulette_gain: between support surfaces, a path survives Russian roulette in proportion to the share of the
@@ -53,7 +57,9 @@ class TransportParameters:
     unlikely_sun: Probability = 0.0625
     directed_share: Probability = 0.5
     glossy_share: Probability = 0.5
+    mirrors_all: Probability = 0.75
     most_spheres: Count = 6
+    expanded_triangles: Count = 500_000
     roulette_depth: Depth = 3
     largest_survival: Probability = 0.99
     roulette_gain: NotNegative = 6.0

@@ -69,22 +69,6 @@ class ObjectBounds:
             result = dr.minimum(result, dr.maximum(dr.norm(point - centre) - radius, NEAR * radius))
         return result
 
-    def near(self, ray: mi.Ray3f, margin: mi.Float) -> mi.Bool:
-        """Whether any sphere comes nearer to rays than an angle.
-
-        Args:
-            ray: rays with unit directions, world.
-            margin: angle in radians.
-        """
-        result = mi.Bool(False)
-        for centre, radius in zip(self._centres, self._radii, strict=True):
-            offset = mi.Vector3f(centre - ray.o)
-            distance = dr.norm(offset)
-            off_axis = dr.acos(dr.clip(dr.dot(offset, ray.d) / dr.maximum(distance, 1e-12), -1.0, 1.0))
-            result |= off_axis <= margin + dr.asin(dr.clip(radius / dr.maximum(distance, 1e-12), 0.0, 1.0))
-            result |= distance <= radius
-        return result
-
 
 class Cones:
     """Directions from a point toward the spheres, sampled uniformly over the sum of their solid angles."""

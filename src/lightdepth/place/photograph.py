@@ -41,6 +41,8 @@ BEFORE = 0.9
 """Times the model's distance; where several photographs are weighed, what was measured nearer is something else."""
 REMOVED_RIM = 2
 """Pixels of the map around what is removed that count as showing it."""
+OWN_DEPTH = 4.0
+"""Times nearer to the depth of what is removed than to that of what stays there, a point is taken to be removed."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
 
@@ -84,7 +86,7 @@ class Photograph(Photographed):
         self._position = np.asarray(panorama.position, dtype=np.float64)
         self._capture = as_point(panorama.position)
         self._pixel_angle = math.pi / self.map.height
-        self._depth = self._depth_map()
+        self._depth, self._stays = self._depth_maps()
         self._unseen_sky = self._sky_map(panorama)
         self._mirrored: mi.Texture2f | None = None
         self._clarity: mi.Texture2f | None = None
@@ -175,7 +177,7 @@ class Photograph(Photographed):
         return self._to_light @ seen, dr.select(hit.valid, distance, dr.inf)
 
     def arriving(
-        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool, kept: mi.Bool | bool = False
     ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
         """``M(q)`` and its density ``p_x(w)``: the theory's eq. (8), 0 where the capture point does not see ``q``."""
         radiance, pdf = self._seen(hit, ray.d, distance, active)
@@ -192,7 +194,7 @@ class Photograph(Photographed):
         cosine_here = dr.abs(dr.dot(hit.normal, direction))
         jacobian = dr.square(distance / depth) * cosine_capture / dr.maximum(cosine_here, 1e-6)
         pdf = dr.select(hit.valid, pdf * jacobian, pdf)
-        mapped = self._mapped_depth(w0)
+        mapped = self._mapped_depth(w0, depth)
         pdf = dr.select(self._capture_sees(mapped, depth, cosine_capture), pdf, 0.0)
         front = active & hit.valid & (dr.dot(hit.normal, direction) < 0.0)
         radiance = self._with_unseen(radiance, hit, front & self._surely_unseen(mapped, depth, cosine_capture))
@@ -281,7 +283,7 @@ class Photograph(Photographed):
         depth = dr.norm(offset)
         direction = offset * dr.rcp(dr.maximum(depth, 1e-20))
         w0 = self._to_light @ direction
-        cosine, mapped = dr.abs(dr.dot(normal, direction)), self._mapped_depth(w0)
+        cosine, mapped = dr.abs(dr.dot(normal, direction)), self._mapped_depth(w0, depth)
         return (
             self._capture_sees(mapped, depth, cosine),
             self._surely_unseen(mapped, depth, cosine),
@@ -317,7 +319,7 @@ class Photograph(Photographed):
         toward = dr.select(finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), direction)
         cosine = dr.abs(dr.dot(normal, toward))
         w0, depth = self._to_light @ toward, dr.select(finite, distance, dr.inf)
-        mapped = self._mapped_depth(w0)
+        mapped = self._mapped_depth(w0, depth)
         solid_angle = dr.select(finite, cosine * dr.rcp(dr.maximum(dr.square(distance), 1e-12)), 1.0)
         clarity, counts = mi.Float(1.0), mi.Float(1.0)
         if self._clarity is not None:
@@ -359,7 +361,7 @@ class Photograph(Photographed):
             hit = self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True))
             cosine = dr.abs(dr.dot(hit.normal, direction))
             depth = dr.select(hit.valid, hit.distance, dr.inf)
-            seen = self._capture_sees(self._mapped_depth(w0), depth, cosine)
+            seen = self._capture_sees(self._mapped_depth(w0, depth), depth, cosine)
             finite, relit = hit.valid, self.surfaces.leaves_with_objects(hit)
             position = dr.select(finite, mi.Vector3f(hit.point), direction)
             normal = hit.normal
@@ -399,12 +401,15 @@ class Photograph(Photographed):
 
     # -- The depth of the map -----------------------------------------------------------------------------------
 
-    def _depth_map(self) -> mi.Float:
-        """``z(w)`` at the pixels' centres, metres, inf for sky."""
+    def _depth_maps(self) -> tuple[mi.Float, mi.Float | None]:
+        """``z(w)`` at the pixels' centres, metres, inf for sky; and the depth of what stays where they show what goes.
+
+        The second is 0 elsewhere, and ``None`` where nothing is removed.
+        """
         if self.infinite or not self.surfaces.has_real:
-            return mi.Float(dr.inf)
+            return mi.Float(dr.inf), None
         depth = aligned_empty((self.map.height, self.map.width))
-        removed = np.zeros(depth.shape, bool)
+        removed, stays = np.zeros(depth.shape, bool), aligned_empty(depth.shape)
         for band in bands(self.map.width, self.map.height):
             u, v = (band.column + 0.5) / self.map.width, (band.row + 0.5) / self.map.height
             ray = mi.Ray3f(mi.Point3f(self._capture), self._to_world @ latlong_to_direction(u, v))
@@ -413,17 +418,39 @@ class Photograph(Photographed):
             if self.surfaces.has_removed:
                 hit = self.surfaces.real_hit(ray, found, found.is_valid())
                 removed[band.rows] = (hit.kind == int(FaceKind.REMOVED)).numpy().reshape(band.shape)
-        if removed.any():
-            # The pixels around it show some of it too.
-            around = np.where(removed, depth, np.float32(np.inf))
-            depth[...] = np.minimum(depth, minimum_filter(around, 2 * REMOVED_RIM + 1, mode=("nearest", "wrap")))
-        return mi.Float(depth.reshape(-1))
+                kept = first_hit(self.surfaces.kept, ray, coherent=True)
+                stays[band.rows] = dr.select(kept.is_valid(), kept.t, dr.inf).numpy().reshape(band.shape)
+        if not removed.any():
+            return mi.Float(depth.reshape(-1)), None
+        # The pixels around it show some of it too, but for what stands well before it.
+        around = np.where(removed, depth, np.float32(np.inf))
+        around = minimum_filter(around, 2 * REMOVED_RIM + 1, mode=("nearest", "wrap"))
+        mixed = depth > BEFORE * around
+        depth[...] = np.where(mixed & ~removed, around, depth)
+        stays[~mixed] = 0.0
+        return mi.Float(depth.reshape(-1)), mi.Float(stays.reshape(-1))
 
-    def _mapped_depth(self, w0: mi.Vector3f) -> mi.Float:
-        """``z(w0)`` of unit directions in light space, metres, inf for sky."""
+    def _mapped_depth(self, w0: mi.Vector3f, depth: mi.Float) -> mi.Float:
+        """``z(w0)`` of unit directions in light space, metres, inf for sky; 0 where what is removed hides a point.
+
+        Near its foot its depth and that of the floor are nearly the same.
+
+        Args:
+            w0: the directions.
+            depth: of the points in them, metres.
+        """
         if self.infinite or not self.surfaces.has_real:
             return mi.Float(dr.inf)
-        return dr.gather(mi.Float, self._depth, self.map.pixel(w0))
+        return self._depth_for(self.map.pixel(w0), depth)
+
+    def _depth_for(self, pixel: mi.UInt32, depth: mi.Float) -> mi.Float:
+        """The same of pixels."""
+        mapped = dr.gather(mi.Float, self._depth, pixel)
+        if self._stays is None:
+            return mapped
+        stays = dr.gather(mi.Float, self._stays, pixel)
+        hidden = (stays > 0.0) & (dr.abs(depth - stays) < OWN_DEPTH * dr.abs(depth - mapped))
+        return dr.select(hidden, 0.0, mapped)
 
     def _capture_sees(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
         """Whether the capture point sees a point, as shadow maps decide it: by the depth of the map in its direction.
@@ -445,7 +472,7 @@ class Photograph(Photographed):
         if not self.surfaces.has_real:
             return mi.Float(1.0)
         for index in self.map.pixels_around(w0):
-            mapped = dr.gather(mi.Float, self._depth, index)
+            mapped = self._depth_for(index, depth)
             sky = dr.select(dr.isinf(mapped), 1.0, 0.0)
             result = dr.maximum(result, dr.select(finite, self._on_surface(mapped, depth, cosine), sky))
         return result

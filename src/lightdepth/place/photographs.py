@@ -95,7 +95,7 @@ class Photographs(Photographed):
     # -- What is seen -------------------------------------------------------------------------------------------
 
     def arriving(
-        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool, kept: mi.Bool | bool = False
     ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
         """The weighed ``M(q)`` and the density of the light samples of all photographs, eq. (13)."""
         if self._distant is not None:

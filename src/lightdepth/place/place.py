@@ -190,16 +190,16 @@ class Place:
         free = active & ~meets(self.surfaces.kept if kept else self.surfaces.real, ray, tested)
         if self.suns:
             toward_sun = active & light.is_sun
-            free &= ~meets(self.surfaces.blockers, ray, toward_sun)
+            free &= ~meets(self.surfaces.kept_blockers if kept else self.surfaces.blockers, ray, toward_sun)
         return free
 
     # -- What is seen -------------------------------------------------------------------------------------------
 
     def arriving(
-        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool, kept: mi.Bool | bool = False
     ) -> list[tuple[mi.Color3f, mi.Float, mi.Bool]]:
         """Radiance of each light along rays: see :meth:`RealLight.arriving`."""
-        return [light.arriving(ray, hit, distance, active) for light in self.lights]
+        return [light.arriving(ray, hit, distance, active, kept) for light in self.lights]
 
 
 def _photographed(

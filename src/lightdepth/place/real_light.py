@@ -18,7 +18,7 @@ class RealLight(ABC):
 
     @abstractmethod
     def arriving(
-        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool, kept: mi.Bool | bool = False
     ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
         """Radiance of this light along rays, looking through everything synthetic.
 
@@ -27,6 +27,7 @@ class RealLight(ABC):
             hit: ``q(x, w)``, the first real surfaces along them.
             distance: metres from the point ``x``, for which light is sampled, to ``q``.
             active: where it is wanted.
+            kept: for which rays ``hit`` is the first surface that is not removed.
 
         Returns:
             Radiance; the pdf of this light's own sampling per steradian at ``x``; and whether it comes from a

@@ -70,12 +70,15 @@ class Sun(RealLight):
         )
 
     def arriving(
-        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool
+        self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool, kept: mi.Bool | bool = False
     ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
         """The disc's radiance where rays run into it, through an opening or past all real surfaces."""
         within = active & (1.0 - dr.dot(ray.d, mi.Vector3f(self._axes[2])) <= self._versine)
         within &= ~hit.valid | (hit.kind == int(FaceKind.OPENING))
-        within &= ~self.blocked(ray, within)
+        blocked = self.blocked(ray, within)
+        if self.surfaces.has_removed:
+            blocked = dr.select(kept, self.blocked(ray, within, kept=True), blocked)
+        within &= ~blocked
         radiance = self._radiance * self.transmittance(ray.o)
         return dr.select(within, radiance, 0.0), dr.select(within, self._density, 0.0), mi.Bool(False)
 
@@ -88,12 +91,18 @@ class Sun(RealLight):
         """Whether unit directions, world, lead to this sun, with a little room for rounding."""
         return 1.0 - dr.dot(direction, mi.Vector3f(self._axes[2])) <= 1.01 * self._versine + 1e-6
 
-    def blocked(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
-        """Whether real surfaces that are no openings stand in the way of rays that run toward the sun."""
+    def blocked(self, ray: mi.Ray3f, active: mi.Bool, kept: bool = False) -> mi.Bool:
+        """Whether real surfaces that are no openings stand in the way of rays that run toward the sun.
+
+        Args:
+            ray: from a surface, unit directions, world.
+            active: which are wanted.
+            kept: only those count that are not removed.
+        """
         if not self.surfaces.has_real:
             return mi.Bool(False)
         beyond = mi.Ray3f(ray.o, ray.d)
-        return meets(self.surfaces.blockers, beyond, active)
+        return meets(self.surfaces.kept_blockers if kept else self.surfaces.blockers, beyond, active)
 
     def transmittance(self, point: mi.Point3f) -> mi.Color3f:
         """Share of the sun that the mask lets through to points, world: curtains and bars that are not modelled."""
@@ -141,7 +150,7 @@ class _ShadowMap:
         starts = s[..., None] * right + t[..., None] * up + top * direction
         origin = mi.Point3f(as_vectors(starts.reshape(-1, 3)))
         ray = mi.Ray3f(origin, mi.Vector3f(*(-direction).tolist()))
-        found = first_hit(surfaces.blockers, ray, coherent=True)
+        found = first_hit(surfaces.kept_blockers, ray, coherent=True)
         reached = np.where(found.is_valid().numpy(), top - found.t.numpy(), -np.inf).reshape(rows, columns)
         lowest = minimum_filter(reached, size=DILATION, mode="nearest")
         self._heights = mi.Float(aligned(lowest.astype(np.float32)))

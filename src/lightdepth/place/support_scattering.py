@@ -83,7 +83,8 @@ class SupportScattering:
         self._specular_scale = mi.Color3f(specular_scale)
         self._cones = cones
         self._directed = directed * cones.directed_share if cones is not None else mi.Float(0.0)
-        self._glossy = dr.select(gloss > 0, lobes.glossy_share, 0.0) if lobes.any else mi.Float(0.0)
+        share = dr.select(dr.max(self._albedo) > 0.0, mi.Float(lobes.glossy_share), 1.0)
+        self._glossy = dr.select(gloss > 0, share, 0.0) if lobes.any else mi.Float(0.0)
 
     def sample(self, choice: mi.Float, position: mi.Point2f) -> mi.Vector3f:
         """Draw a unit direction in world space; the arguments are uniform in [0, 1)."""

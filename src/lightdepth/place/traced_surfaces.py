@@ -13,12 +13,13 @@ from dataclasses import dataclass, fields
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.materials import Materials, registered
-from lightdepth.kernel.shapes import mesh_shape
-from lightdepth.kernel.tracing import first_hit
+from lightdepth.kernel.shapes import SyntheticShapes, mesh_shape
+from lightdepth.kernel.tracing import Instances, Traced, WithInstances, first_hit
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
 from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Mesh
@@ -66,11 +67,17 @@ class TracedSurfaces:
         changes: whether what any real surface shows may change: support that is not relit, or environment with gloss.
         materials: of the synthetic shapes.
         blockers: the real surfaces that are no openings.
+        kept_blockers: these without what is removed.
         kept: the real surfaces that are not removed.
-        shown: these and the synthetic ones.
+        synthetic: the synthetic surfaces.
+        all: both together.
+        emitting: the same without instances, which give no light.
+        has_unseen: whether there are synthetic surfaces that cameras do not see by themselves.
+        seen: ``all`` without these.
+        shown: those that are kept, and the synthetic ones that cameras see.
     """
 
-    def __init__(self, surfaces: RealSurfaces, shapes: Sequence[mi.Shape] = ()) -> None:
+    def __init__(self, surfaces: RealSurfaces, shapes: SyntheticShapes | None = None) -> None:
         self.has_real = len(surfaces.faces) > 0
         self.deformed = surfaces.deformed
         self.kinds = frozenset(FaceKind(int(kind)) for kind in np.unique(surfaces.kind))
@@ -79,21 +86,23 @@ class TracedSurfaces:
         self._real_shapes = {"real": mesh_shape(surfaces.mesh(), black)} if self.has_real else {}
         # Robust, since light and depth are looked up along rays through vertices; elsewhere it would cost a tenth more.
         self.real = _scene(self._real_shapes, robust=True)
-        self.blockers = self._blockers(surfaces, black)
-        self.kept = self.real
+        solid = surfaces.kind != FaceKind.OPENING
+        self.blockers = self._only(surfaces, solid, black)
+        self.kept, self.kept_blockers = self.real, self.blockers
         self.has_removed = FaceKind.REMOVED in self.kinds
         if self.has_removed:
             # Faces of no area are never met; so the others keep their numbers.
             faces = np.where((surfaces.kind == FaceKind.REMOVED)[:, None], surfaces.faces[:, :1], surfaces.faces)
             self._real_shapes = {"real": mesh_shape(Mesh(surfaces.vertices, faces), black)}
             self.kept = _scene(self._real_shapes, robust=True)
+            self.kept_blockers = self._only(surfaces, solid & (surfaces.kind != FaceKind.REMOVED), black)
         self._real_shape = mi.UInt32(0)
         if self.has_real:
             self._real_shape = dr.opaque(mi.UInt32, registered(mi.ShapePtr(self._real_shapes["real"])))
         self._fill_tables(surfaces)
         self._add_synthetic(shapes, None)
 
-    def with_synthetic(self, shapes: Sequence[mi.Shape], removed: mi.Shape | None = None) -> TracedSurfaces:
+    def with_synthetic(self, shapes: SyntheticShapes, removed: mi.Shape | None = None) -> TracedSurfaces:
         """The same real surfaces with these synthetic shapes.
 
         Args:
@@ -104,25 +113,35 @@ class TracedSurfaces:
         traced._add_synthetic(shapes, removed)
         return traced
 
-    def _add_synthetic(self, shapes: Sequence[mi.Shape], removed: mi.Shape | None) -> None:
-        new = {f"synthetic_{index}": shape for index, shape in enumerate(shapes)}
+    def _add_synthetic(self, shapes: SyntheticShapes | None, removed: mi.Shape | None) -> None:
+        every = [] if shapes is None else [shape for _, shape in shapes.numbered]
+        new = {f"synthetic_{index}": shape for index, shape in enumerate(() if shapes is None else shapes.plain)}
+        instances = None if shapes is None else shapes.instances
         passed = {} if removed is None else {"removed": removed}
         self._removed_shape = None if removed is None else dr.opaque(mi.UInt32, registered(mi.ShapePtr(removed)))
-        self.has_synthetic = len(shapes) > 0 or removed is not None
+        self.has_synthetic = len(every) > 0 or removed is not None
         # Robust as well: built without spatial splits, in a quarter of the time, and traced as fast.
-        self.synthetic = _scene({**new, **passed}, robust=True)
-        self.all = _scene({**self._real_shapes, **new, **passed})
-        self.shown = self.all if removed is None else _scene({**self._real_shapes, **new})
-        self.materials = Materials([*shapes, *passed.values()])
+        self.synthetic = _with(_scene({**new, **passed}, robust=True), instances)
+        self.emitting = _scene({**self._real_shapes, **new, **passed})
+        self.all = _with(self.emitting, instances)
+        unseen = () if shapes is None else shapes.unseen
+        self.has_unseen = len(unseen) > 0
+        self._unseen = _table_of([registered(mi.ShapePtr(shape)) for shape in unseen])
+        seen = {name: shape for name, shape in new.items() if shape not in unseen}
+        self.seen, self.shown = self.all, self.all
+        if self.has_unseen:
+            self.seen = _with(_scene({**self._real_shapes, **seen, **passed}), instances)
+        if removed is not None or self.has_unseen:
+            self.shown = _with(_scene({**self._real_shapes, **seen}), instances)
+        self.materials = Materials([*every, *passed.values()])
 
-    def _blockers(self, surfaces: RealSurfaces, black: mi.BSDF) -> mi.Scene:
-        """The real surfaces without openings: what keeps a declared sun out."""
-        solid = surfaces.kind != FaceKind.OPENING
-        if solid.all():
+    def _only(self, surfaces: RealSurfaces, chosen: NDArray[np.bool_], black: mi.BSDF) -> mi.Scene:
+        """Some of the real faces: those that keep a declared sun out."""
+        if chosen.all():
             return self.real
-        if not solid.any():
+        if not chosen.any():
             return _scene({})
-        return _scene({"solid": mesh_shape(Mesh(surfaces.vertices, surfaces.faces[solid]), black)}, robust=True)
+        return _scene({"solid": mesh_shape(Mesh(surfaces.vertices, surfaces.faces[chosen]), black)}, robust=True)
 
     def receives(self, hit: RealHit) -> mi.Bool:
         """Whether real surfaces that were met receive the influence of the new objects."""
@@ -178,6 +197,14 @@ class TracedSurfaces:
         if self._removed_shape is None:
             return mi.Bool(False)
         return found.is_valid() & (dr.reinterpret_array(mi.UInt32, found.shape) == self._removed_shape)
+
+    def is_unseen(self, found: mi.PreliminaryIntersection3f, active: mi.Bool) -> mi.Bool:
+        """Which of the active intersections with everything cameras do not see by themselves."""
+        if not self.has_unseen:
+            return mi.Bool(False)
+        index = dr.reinterpret_array(mi.UInt32, found.shape)
+        inside = active & found.is_valid() & (index < dr.width(self._unseen))
+        return inside & (dr.gather(mi.UInt32, self._unseen, index, inside) > 0)
 
     def leaves_with_objects(self, hit: RealHit) -> mi.Bool:
         """Whether what real surfaces that were met send is not there after the change: relit and removed ones."""
@@ -296,6 +323,17 @@ def shadow_ray(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, d
 def _beside(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f) -> mi.Point3f:
     offset = RAY_EPSILON * (1.0 + dr.max(dr.abs(point)))
     return dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
+
+
+def _table_of(indices: Sequence[int]) -> mi.UInt32:
+    """1 at each of some indices, 0 elsewhere."""
+    table = np.zeros(max(indices, default=0) + 1, np.uint32)
+    table[list(indices)] = 1
+    return mi.UInt32(aligned(table, np.uint32))
+
+
+def _with(scene: mi.Scene, instances: Instances | None) -> Traced:
+    return scene if instances is None else WithInstances(scene, instances)
 
 
 def _scene(shapes: Mapping[str, mi.Shape], robust: bool = False) -> mi.Scene:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
+from lightdepth.place.object_outline import ObjectOutline
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import merge_real_surfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
@@ -35,6 +36,7 @@ class Prepared:
         integrator: estimates along camera rays.
         shapes: the synthetic shapes, each with the index of its object in the scene.
         irradiance: how well the irradiance of the support is known.
+        outline: of the synthetic objects; ``None`` without any.
         gains: of each photograph, per channel, shape (k, 3); ``None`` is 1.
         plates: of the place, see :class:`~lightdepth.preparation.place.PreparedPlace`.
     """
@@ -44,6 +46,7 @@ class Prepared:
     integrator: Integrator[Any]
     shapes: tuple[tuple[int, mi.Shape], ...]
     irradiance: IrradianceReport
+    outline: ObjectOutline | None = None
     gains: NDArray[np.float32] | None = None
     plates: dict[str, tuple[NDArray[np.float32], NDArray[np.float32]]] = field(default_factory=dict)
 
@@ -56,10 +59,10 @@ class Method(Protocol):
 
 
 def _difference(scene: Scene, store: Store | None = None, infinite: bool = False) -> Prepared:
-    if any(surface.removed for surface in scene.real):
-        _check_removal(scene, infinite)
+    if infinite:
+        _check_nothing_is_removed(scene, "directional")
     prepared, objects = prepare_place(scene, infinite, store), prepare_objects(scene)
-    surfaces = prepared.place.surfaces.with_synthetic([shape for _, shape in objects.shapes], objects.removed)
+    surfaces = prepared.place.surfaces.with_synthetic(objects.shapes, objects.removed)
     place = with_plate(prepared.place.with_surfaces(surfaces), scene, prepared)
     settings = scene.render
     # Compiling the kernel of light tracing takes longer than a draft's noise is worth.
@@ -76,16 +79,25 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
     )
     spheres = [] if objects.bounds is None else objects.bounds.spheres
     irradiance = prepared.errors.report(spheres)
-    return Prepared(place, surfaces, integrator, objects.shapes, irradiance, prepared.gains, prepared.plates)
+    return Prepared(
+        place,
+        surfaces,
+        integrator,
+        objects.shapes.numbered,
+        irradiance,
+        objects.outline,
+        prepared.gains,
+        prepared.plates,
+    )
 
 
-def _check_removal(scene: Scene, infinite: bool) -> None:
-    name = next(surface.name for surface in scene.real if surface.removed)
-    where = f'{scene.path or "scene"}: [[real]] "{name}": removed = true'
-    if infinite:
-        raise InputError(f"{where} needs method 'difference', which knows where things are")
-    if scene.lights:
-        raise InputError(f"{where} and [[light]] '{scene.lights[0].name}' cannot be together yet; give one of them up")
+def _check_nothing_is_removed(scene: Scene, method: str) -> None:
+    """Refuse what needs to know where things are, and which of two places a path is in."""
+    removed = next((surface.name for surface in scene.real if surface.removed), None)
+    if removed is not None:
+        raise InputError(
+            f"{scene.path or 'scene'}: [[real]] \"{removed}\": method '{method}' cannot remove a surface; use 'difference'"
+        )
 
 
 def _directional(scene: Scene, store: Store | None = None) -> Prepared:
@@ -106,19 +118,26 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
         raise InputError(
             f"{scene.path or 'scene'}: method 'envpath' cannot use a [plate]; use 'difference' or 'directional'"
         )
-    if any(surface.removed for surface in scene.real):
-        raise InputError(f"{scene.path or 'scene'}: method 'envpath' removes nothing; use 'difference'")
+    _check_nothing_is_removed(scene, "envpath")
     modelled = merge_real_surfaces(modelled_surfaces(scene))
     objects = prepare_objects(scene)
     real = support_with_scale_factors(scene, modelled)
-    surfaces = TracedSurfaces(real, [shape for _, shape in objects.shapes])
+    unseen = [thing.name for thing in scene.synthetic if not thing.visible_to_camera]
+    if unseen:
+        warn(f"{scene.path or 'scene'}: method 'envpath' shows '{unseen[0]}' in spite of visible_to_camera = false")
+    surfaces = TracedSurfaces(real, replace(objects.shapes, unseen=()))
     place = Place(scene.panorama, surfaces, alone=True, parameters=scene.render.parameters.place)
     settings = scene.render
     integrator = EnvpathIntegrator(
         place, surfaces, scene.panorama, objects.bounds, settings.max_bounces, settings.parameters.transport
     )
     return Prepared(
-        place, surfaces, integrator, objects.shapes, IrradianceReport(len(real.vertices), math.nan, math.nan)
+        place,
+        surfaces,
+        integrator,
+        objects.shapes.numbered,
+        IrradianceReport(len(real.vertices), math.nan, math.nan),
+        objects.outline,
     )
 
 

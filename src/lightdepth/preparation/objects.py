@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import mitsuba as mi
 
-from lightdepth.kernel.shapes import enclosing_sphere, is_polished, synthetic_shapes
+from lightdepth.kernel.shapes import SyntheticShapes, is_polished, synthetic_shapes
 from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.object_bounds import ObjectBounds
+from lightdepth.place.object_outline import ObjectOutline
 from lightdepth.preparation.removed import removed_shape
 from lightdepth.scene.model import Scene
 
@@ -19,15 +20,17 @@ class PreparedObjects:
     """The synthetic objects of a scene.
 
     Attributes:
-        shapes: each with the index of its object in the scene.
+        shapes: of them.
         bounds: spheres around them; ``None`` without objects.
         polished: spheres around those with a narrow specular lobe; ``None`` where there are none.
+        outline: spheres around their parts; ``None`` without objects.
         removed: stands for the real surfaces that are removed, of which ``bounds`` has spheres too; ``None`` without.
     """
 
-    shapes: tuple[tuple[int, mi.Shape], ...]
+    shapes: SyntheticShapes
     bounds: ObjectBounds | None
     polished: ObjectBounds | None
+    outline: ObjectOutline | None = None
     removed: mi.Shape | None = None
 
 
@@ -37,12 +40,15 @@ def prepare_objects(scene: Scene) -> PreparedObjects:
     Raises:
         InputError: Mitsuba refuses a material.
     """
-    shapes = tuple(synthetic_shapes(scene))
+    shapes = synthetic_shapes(scene)
     tuned = scene.render.parameters.transport
-    spheres = [enclosing_sphere(shape) for _, shape in shapes]
-    polished = [sphere for sphere, (_, shape) in zip(spheres, shapes, strict=True) if is_polished(shape)]
+    spheres = shapes.spheres
+    polished = [sphere for sphere, (_, shape) in zip(spheres, shapes.numbered, strict=True) if is_polished(shape)]
     removed, around = removed_shape(scene)
-    return PreparedObjects(shapes, _bounds([*spheres, *around], tuned), _bounds(polished, tuned), removed)
+    outline = None
+    if spheres or around:
+        outline = ObjectOutline([*shapes.parts, *((sphere, None) for sphere in around)])
+    return PreparedObjects(shapes, _bounds([*spheres, *around], tuned), _bounds(polished, tuned), outline, removed)
 
 
 def _bounds(spheres: Sequence[tuple], tuned: TransportParameters) -> ObjectBounds | None:

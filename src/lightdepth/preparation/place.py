@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from lightdepth.cancellation import raise_if_cancelled
 from lightdepth.errors import InputError, warn
+from lightdepth.lighting.sun_mask import masked_suns
 from lightdepth.lightmap.depth_meshes import meshes_from_depth
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.place.place import Place
@@ -34,7 +35,7 @@ from lightdepth.work import work
 
 KEPT = 2
 """Prepared places that a process keeps."""
-CODE = ("kernel", "lightmap", "parameters", "place", "preparation", "recovery", "scene/meshes")
+CODE = ("kernel", "lighting", "lightmap", "parameters", "place", "preparation", "recovery", "scene/meshes")
 """Folders whose code decides what is recovered: a place that other code recovered is not the same."""
 ERROR_FIELDS = fields(IrradianceErrors)
 
@@ -88,10 +89,11 @@ def prepare_place(
     balance = solve_gains(scene.panoramas, traced)
     if balance.problem is not None:
         raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
+    suns = masked_suns(scene)
 
     def place_with(surfaces: TracedSurfaces) -> Place:
         tuned = scene.render.parameters.place
-        return Place(scene.panoramas, surfaces, infinite, suns=scene.lights, gains=balance.gains, parameters=tuned)
+        return Place(scene.panoramas, surfaces, infinite, suns=suns, gains=balance.gains, parameters=tuned)
 
     empty = place_with(traced)
     arrays = None if store is None else store.read(key)

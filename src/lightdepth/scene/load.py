@@ -17,6 +17,7 @@ from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.depth import read_depth
+from lightdepth.scene.instances import check_precision, read_instances
 from lightdepth.scene.lights import ClippedTable, SunTable
 from lightdepth.scene.lights.clipped import unclipped
 from lightdepth.scene.mask import read_mask
@@ -292,13 +293,14 @@ def _real_surface(table: RealTable) -> RealSurface:
 
 def _sun(table: SunTable) -> SunLight:
     mask = None
-    if table.mask is not None:
+    if isinstance(table.mask, Path):
         mask = read_radiance(table.mask)
         if mask.max() > 1.0:
             raise InputError(
                 f"{table.mask}: a mask holds shares of light from 0 to 1, but this one has {mask.max():.3g}"
             )
-    return SunLight(table.name, table.toward(), table.diameter, np.array(table.irradiance), mask, table.mask_extent)
+    irradiance, recover = np.array(table.irradiance), table.mask == "recover"
+    return SunLight(table.name, table.toward(), table.diameter, irradiance, mask, table.mask_extent, recover)
 
 
 def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.floating]:
@@ -332,11 +334,37 @@ def _synthetic_object(
                 meshes[key] = read_mesh_file(*key)
             parts = resting = meshes[key]
         to_world = _to_world(table, [part.mesh for part in resting], panorama, real)
-        standing = [_part(part, to_world, table) for part in parts]
-        pieces = [piece for part in standing for half in split_mirrored(part) for piece in split_emissive(half)]
-        return SyntheticObject(table.name, tuple(pieces))
+        if table.instances is not None:
+            pieces = _instanced(table, table.instances, parts, to_world)
+        else:
+            pieces = _pieces(table, parts, to_world)
+        return SyntheticObject(table.name, tuple(pieces), table.visible_to_camera)
     to_world = _to_world(table, [AnalyticShape(table.shape, np.eye(4))], panorama, real)
-    return SyntheticObject(table.name, (SyntheticPart(AnalyticShape(table.shape, to_world), table.material),))
+    part = SyntheticPart(AnalyticShape(table.shape, to_world), table.material)
+    return SyntheticObject(table.name, (part,), table.visible_to_camera)
+
+
+def _pieces(table: MeshObject, parts: Sequence[MeshPart], matrix: NDArray[np.float64]) -> list[SyntheticPart]:
+    standing = [_part(part, matrix, table) for part in parts]
+    return [piece for part in standing for half in split_mirrored(part) for piece in split_emissive(half)]
+
+
+def _instanced(
+    table: MeshObject, path: Path, parts: Sequence[MeshPart], to_world: NDArray[np.float64]
+) -> list[SyntheticPart]:
+    """The parts of an object and where they stand; those of mirrored instances are mirrored meshes."""
+    places = to_world @ read_instances(path)
+    mirrored = np.linalg.det(places[:, :3, :3]) < 0.0
+    pieces = []
+    for some, matrix in ((places[~mirrored], np.eye(4)), (places[mirrored], np.diag([-1.0, 1.0, 1.0, 1.0]))):
+        if not len(some):
+            continue
+        standing, at = _pieces(table, parts, matrix), some @ matrix
+        vertices = [each.geometry.vertices for each in standing if isinstance(each.geometry, Mesh)]
+        low, high = np.min([v.min(axis=0) for v in vertices], axis=0), np.max([v.max(axis=0) for v in vertices], axis=0)
+        check_precision(path, at, low.astype(np.float64), high.astype(np.float64))
+        pieces += [replace(each, places=at) for each in standing]
+    return pieces
 
 
 def _mesh_key(table: MeshObject) -> MeshKey:

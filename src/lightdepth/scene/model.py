@@ -108,6 +108,8 @@ class SunLight:
             the top. ``None`` lets all pass.
         mask_extent: left, bottom, right and top of the mask in the plane across the direction, metres, along the axes of
             :func:`lightdepth.scene.lights.frame.sun_axes`; nothing passes beyond it.
+        recover_mask: the mask is the pattern that the photograph shows of the sun's patch, recovered when the place is
+            prepared.
     """
 
     name: str
@@ -116,22 +118,38 @@ class SunLight:
     irradiance: NDArray[np.float64]
     mask: NDArray[np.float32] | None = None
     mask_extent: tuple[float, float, float, float] | None = None
+    recover_mask: bool = False
 
 
 @dataclass(frozen=True)
 class SyntheticPart:
-    """Geometry with one material."""
+    """Geometry with one material.
+
+    Attributes:
+        geometry: in world space, or what stands at ``places``, a mesh then.
+        material: of all of it.
+        places: a matrix for each place where the geometry stands, from its coordinates to the world, shape (k, 4, 4),
+            float64, of determinants above 0; ``None`` where it stands once, in world space.
+    """
 
     geometry: Mesh | AnalyticShape
     material: Material
+    places: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)
 class SyntheticObject:
-    """A new object; a glTF file may give it several parts."""
+    """A new object; a glTF file may give it several parts.
+
+    Attributes:
+        name: of it.
+        parts: of it.
+        visible_to_camera: whether cameras see it by themselves, and not only in mirrors and through glass.
+    """
 
     name: str
     parts: tuple[SyntheticPart, ...]
+    visible_to_camera: bool = True
 
 
 @dataclass(frozen=True)

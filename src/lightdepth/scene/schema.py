@@ -134,13 +134,20 @@ class OnSpot(Table):
         return self
 
 
-class MeshObject(OnSpot, Placed):
+class Seen(Table):
+    """What sees an object."""
+
+    visible_to_camera: Annotated[bool, Field(strict=True)] = True
+
+
+class MeshObject(OnSpot, Placed, Seen):
     """``[[synthetic]]`` with a mesh file; without ``material`` it has the materials of the file."""
 
     name: Name
     mesh: NumberedFile
     animation: ShownAnimation | None = None
     material: MaterialSettings | None = None
+    instances: NumberedFile | None = None
 
     @model_validator(mode="before")
     @classmethod
@@ -153,8 +160,14 @@ class MeshObject(OnSpot, Placed):
             )
         return table
 
+    @model_validator(mode="after")
+    def _instances_have_places(self) -> MeshObject:
+        if self.instances is not None and self.on_spot:
+            raise ValueError("instances stand where their file says; at and at_angles are for a single object")
+        return self
 
-class SphereObject(OnSpot):
+
+class SphereObject(OnSpot, Seen):
     """``[[synthetic]]`` with ``shape = "sphere"``."""
 
     name: Name
@@ -170,7 +183,7 @@ class SphereObject(OnSpot):
         return self
 
 
-class UnitShapeObject(OnSpot, Placed):
+class UnitShapeObject(OnSpot, Placed, Seen):
     """``[[synthetic]]`` with another shape of unit size: Mitsuba's, from -1 to 1; the cylinder from z = 0 to 1."""
 
     name: Name

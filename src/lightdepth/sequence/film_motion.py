@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Viewpoint
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.start import DEVICE_LOCK
-from lightdepth.scene.model import AnalyticShape, CameraView, Mesh, Scene
+from lightdepth.scene.model import AnalyticShape, CameraView, Mesh, Scene, SyntheticPart
 
 PIXELS = 1.5
 """Way on the film from one instant to the next; beyond two pixels, edges show steps, and less is lost in the noise."""
@@ -50,18 +50,25 @@ def _followed(scenes: Sequence[Scene]) -> Iterator[list[NDArray[np.float64]]]:
     """Points of each part of the objects, in each scene; those of parts that become others are left out."""
     for things in zip(*(scene.synthetic for scene in scenes), strict=False):
         for parts in zip(*(thing.parts for thing in things), strict=False):
-            points = [_points(part.geometry) for part in parts]
+            points = [_points(part) for part in parts]
             if len({len(each) for each in points}) == 1:
                 yield points
 
 
-def _points(geometry: Mesh | AnalyticShape) -> NDArray[np.float64]:
+def _points(part: SyntheticPart) -> NDArray[np.float64]:
+    geometry = part.geometry
     if isinstance(geometry, AnalyticShape):
         low, high = HEIGHTS.get(geometry.kind, (-1.0, 1.0))
         corners = np.where(SIDES[:, 2:] < 0.0, [0.0, 0.0, low], [0.0, 0.0, high]) + SIDES * [1.0, 1.0, 0.0]
         return corners @ geometry.to_world[:3, :3].T + geometry.to_world[:3, 3]
     vertices = geometry.vertices
-    return vertices[:: max(1, len(vertices) // POINTS)].astype(np.float64)
+    some = vertices[:: max(1, len(vertices) // POINTS)].astype(np.float64)
+    if part.places is None:
+        return some
+    # One point of each instance, another one of the next.
+    places = part.places[:: max(1, len(part.places) // POINTS)]
+    some = np.resize(some, (len(places), 3))
+    return np.asarray(np.einsum("nij,nj->ni", places[:, :3, :3], some) + places[:, :3, 3])
 
 
 def _spread(mesh: Mesh) -> NDArray[np.float64]:

@@ -80,8 +80,9 @@ class SampledFrames(SequenceRendering):
         from lightdepth.sequence.temporal_reuse import SampledFrame
 
         if number not in self._read:
-            view = find_camera(self._scene(number), self._wanted.job.camera)
-            self._read[number] = SampledFrame(self.frame(number, NEEDED), view, self._scene_digest(number))
+            scene = self._scene(number)
+            view, dark = find_camera(scene, self._wanted.job.camera), scene.render.parameters.film.dark
+            self._read[number] = SampledFrame(self.frame(number, NEEDED), view, self._scene_digest(number), dark)
             width, height = view.resolution
             while len(self._read) * width * height > PIXELS_KEPT and len(self._read) > 1:
                 self._read.popitem(last=False)

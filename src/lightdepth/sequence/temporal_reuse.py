@@ -47,6 +47,8 @@ REJECTED = 9.0
 """Squared differences above this many times their variance are no noise;"""
 AROUND = 5
 """nothing within a square of so many pixels is taken over: where edges have moved, some pixels agree by chance."""
+MARGIN = max(WINDOWS) // 2 + AROUND // 2 + 1
+"""Pixels around one that have a part in that."""
 MIRRORING = 0.2
 """Share of an object's pixels that are rejected above which it mirrors too much for the rest to be believed."""
 
@@ -59,16 +61,24 @@ class SampledFrame:
         frame: with the layers depth, normal, support, variance and samples; not denoised.
         view: the camera.
         scene: digest of the scene: where those of two frames are equal, nothing has moved.
+        dark: share of the median brightness below which errors do not count; see
+            :class:`~lightdepth.parameters.film.FilmParameters`.
     """
 
     frame: Frame
     view: Viewpoint
     scene: str
+    dark: float = DEFAULT.dark
 
     @cached_property
     def light(self) -> _Light:
         """What it found."""
         return _Light.of(self.frame)
+
+    @cached_property
+    def surfaces(self) -> _Surfaces:
+        """The same on the device, with what its pixels show."""
+        return _Surfaces(self)
 
 
 @dataclass(frozen=True)
@@ -123,113 +133,177 @@ def reuse(frame: Frame, mine: SampledFrame, sides: Iterable[Iterable[SampledFram
         ``frame`` with other ``change``, ``synthetic`` and ``variance``, and the error that follows.
     """
     own = mine.light
-    rows, columns = np.nonzero(own.weight)
-    if not len(rows):
+    pixels = _Pixels(mine)
+    if not len(pixels.slots):
         return frame
-    total = own.relative * own.weight[..., None]
-    variance = own.variance * np.square(own.weight)[..., None]
-    weight = own.weight.copy()
+    own_weight = pixels.of(own.weight)
+    total = pixels.of(own.relative) * own_weight[:, None]
+    variance = pixels.of(own.variance) * np.square(own_weight)[:, None]
+    weight = own_weight.copy()
+    surface = pixels.of(own.surface)
     for side in sides:
-        trusted = np.ones(weight.shape, bool)
+        trusted = np.ones(len(weight), bool)
         for other in side:
-            found = _seen_from(mine, other, rows, columns)
-            doubtful = own.surface > (1 if other.scene == mine.scene else 0)
-            trusted &= ~(doubtful & _differs(own, found))
+            found = pixels.found_by(other)
+            doubtful = surface > (1 if other.scene == mine.scene else 0)
+            trusted &= ~(doubtful & pixels.differ(found, doubtful))
             counted = np.where(trusted, found.weight, np.float32(0.0))
-            total += found.relative * counted[..., None]
-            variance += found.variance * np.square(counted)[..., None]
+            total += found.relative * counted[:, None]
+            variance += found.variance * np.square(counted)[:, None]
             weight += counted
-    divisor = np.where(weight > 0.0, weight, np.float32(1.0))[..., None]
-    mean = total / divisor * own.scale
-    support, objects = ((own.weight > 0.0) & kind for kind in (own.surface == 1, own.surface > 1))
+    scale = pixels.of(own.scale)
+    total *= scale / weight[:, None]
+    variance *= np.square(scale / weight[:, None])
+    support, objects = surface == 1, surface > 1
     # Where an object covers part of a pixel, its variance is not that of the change alone.
-    alone = (objects | (support & (frame.coverage == 0.0)))[..., None]
+    alone = objects | (support & (pixels.of(frame.coverage) == 0.0))
     assert frame.variance is not None
     result = replace(
         frame,
-        change=np.where(support[..., None], mean, frame.change),
-        synthetic=np.where(objects[..., None], mean, frame.synthetic),
-        variance=np.where(alone, variance / np.square(divisor) * np.square(own.scale), frame.variance),
+        change=pixels.replaced(frame.change, support, total),
+        synthetic=pixels.replaced(frame.synthetic, objects, total),
+        variance=pixels.replaced(frame.variance, alone, variance),
         metadata=dict(frame.metadata),
     )
     # What all pixels share, the irradiance's error above all, stays.
-    shared = max(float(frame.metadata["error"]) ** 2 - _own_error(frame), 0.0)
-    result.metadata["error"] = f"{math.sqrt(shared + _own_error(result)):.5f}"
+    shared = max(float(frame.metadata["error"]) ** 2 - _own_error(frame, mine.dark), 0.0)
+    result.metadata["error"] = f"{math.sqrt(shared + _own_error(result, mine.dark)):.5f}"
     return result
 
 
-def _own_error(frame: Frame) -> float:
+def _own_error(frame: Frame, dark: float) -> float:
     """Mean of the squared relative errors of the pixels from the noise of their samples."""
     assert frame.samples is not None
     assert frame.variance is not None
-    taken = frame.samples > 0
-    brightness = np.maximum(frame.beauty[taken].mean(axis=1), 0.0)
-    floor = DEFAULT.dark * np.median(frame.plate[taken].mean(axis=1)) + 1e-12
-    return float(np.mean(frame.variance[taken].mean(axis=1) / np.square(brightness + floor)))
-
-
-def _seen_from(
-    mine: SampledFrame, other: SampledFrame, rows: NDArray[np.integer], columns: NDArray[np.integer]
-) -> _Light:
-    """What another frame found at the points that some pixels of this one show."""
-    shape = mine.light.weight.shape
-    relative, variance = np.zeros((*shape, 3), np.float32), np.zeros((*shape, 3), np.float32)
-    weight = np.zeros(shape, np.float32)
-    with DEVICE_LOCK:
-        values, variances, weights = _looked_up(mine, other, rows, columns)
-    relative[rows, columns], variance[rows, columns], weight[rows, columns] = values, variances, weights
-    return _Light(relative, variance, weight, mine.light.scale, mine.light.surface)
-
-
-def _looked_up(
-    mine: SampledFrame, other: SampledFrame, rows: NDArray[np.integer], columns: NDArray[np.integer]
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Relative change, variance and weight that another frame gives some pixels."""
-    pixel = mi.UInt32(aligned(rows * mine.view.resolution[0] + columns, np.uint32))
-    here = _Surfaces(mine)
-    (point, normal, angle), which = here.at(pixel), here.which(pixel)
-    there = other.view.project(point, mi.Point2f(0.5))
-    width, height = other.view.resolution
-    x, y = there.film.x * width - 0.5, there.film.y * height - 0.5
-    left, top = dr.floor(x), dr.floor(y)
-    size = dr.norm(point - there.origin) * dr.sqrt(dr.maximum(there.solid_angle, angle))
-    surfaces = _Surfaces(other)
-    values, variances, samples = (
-        mi.Float(aligned(part)) for part in (other.light.relative, other.light.variance, other.light.weight)
+    taken = np.flatnonzero(frame.samples)
+    plate, change, synthetic, variance = (
+        image.reshape(-1, 3)[taken] for image in (frame.plate, frame.change, frame.synthetic, frame.variance)
     )
-    total, noise = mi.Color3f(0.0), mi.Color3f(0.0)
-    weight, taps = mi.Float(0.0), mi.Float(0.0)
-    for right, below in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        column, row = dr.clip(left + right, 0, width - 1), dr.clip(top + below, 0, height - 1)
-        tap = mi.UInt32(row) * width + mi.UInt32(column)
-        beside, its_normal, _ = surfaces.at(tap)
-        taken = dr.gather(mi.Float, samples, tap, there.inside)
-        same = (taken > 0.0) & (surfaces.which(tap) == which) & (dr.abs(dr.dot(beside - point, normal)) < PLANE * size)
-        same &= dr.dot(normal, its_normal) > SAME_NORMAL
-        share = dr.select(same, (1.0 - dr.abs(x - left - right)) * (1.0 - dr.abs(y - top - below)), 0.0)
-        counted = share * taken
-        total += counted * dr.gather(mi.Color3f, values, tap, same)
-        # Not less than that of a single one: pixels side by side get shares of the same samples.
-        noise += counted * dr.gather(mi.Color3f, variances, tap, same)
-        weight += counted
-        taps += share
-    enough = taps > FEWEST_TAPS
-    scale = dr.select(enough, dr.rcp(dr.maximum(weight, 1e-20)), 0.0)
-    total, noise, weight = total * scale, noise * scale, dr.select(enough, weight, 0.0)
-    dr.eval(total, noise, weight)
-    return total.numpy().T, noise.numpy().T, weight.numpy()
+    beauty = plate * (1.0 - frame.coverage.reshape(-1)[taken, None]) + change + synthetic
+    brightness = np.maximum(beauty.mean(axis=1), 0.0)
+    floor = dark * np.median(plate.mean(axis=1)) + 1e-12
+    return float(np.mean(variance.mean(axis=1) / np.square(brightness + floor)))
+
+
+@dataclass(frozen=True)
+class _Found:
+    """What another frame gives n pixels: as :class:`_Light`, shapes (n, 3), (n, 3) and (n,)."""
+
+    relative: NDArray[np.float32]
+    variance: NDArray[np.float32]
+    weight: NDArray[np.float32]
+
+
+class _Pixels:
+    """The pixels of a frame that others may know more of.
+
+    Args:
+        mine: the frame.
+
+    Attributes:
+        slots: row-major indices, ascending, shape (n,).
+    """
+
+    def __init__(self, mine: SampledFrame) -> None:
+        self._own = mine.light
+        self.slots = np.flatnonzero(self._own.weight)
+        if not len(self.slots):
+            return
+        with DEVICE_LOCK:
+            pixel, here = mi.UInt32(aligned(self.slots, np.uint32)), mine.surfaces
+            self._point, self._normal, self._angle = here.at(pixel)
+            self._which = here.which(pixel)
+            dr.eval(self._point, self._normal, self._angle, self._which)
+
+    def of(self, image: NDArray) -> NDArray:
+        """Their values out of an image, shape (n, ...)."""
+        return np.asarray(image.reshape(-1, *image.shape[2:])[self.slots])
+
+    def replaced(self, image: NDArray[np.float32], chosen: NDArray[np.bool_], values: NDArray) -> NDArray[np.float32]:
+        """An image with other values at the chosen ones of them."""
+        result = image.copy()
+        result.reshape(-1, *image.shape[2:])[self.slots[chosen]] = values[chosen]
+        return result
+
+    def found_by(self, other: SampledFrame) -> _Found:
+        """What another frame found at the points that they show."""
+        with DEVICE_LOCK:
+            return self._looked_up(other)
+
+    def _looked_up(self, other: SampledFrame) -> _Found:
+        there = other.view.project(self._point, mi.Point2f(0.5))
+        width, height = other.view.resolution
+        x, y = there.film.x * width - 0.5, there.film.y * height - 0.5
+        left, top = dr.floor(x), dr.floor(y)
+        size = dr.norm(self._point - there.origin) * dr.sqrt(dr.maximum(there.solid_angle, self._angle))
+        surfaces = other.surfaces
+        total, noise = mi.Color3f(0.0), mi.Color3f(0.0)
+        weight, taps = mi.Float(0.0), mi.Float(0.0)
+        for right, below in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            column, row = dr.clip(left + right, 0, width - 1), dr.clip(top + below, 0, height - 1)
+            tap = mi.UInt32(row) * width + mi.UInt32(column)
+            beside, its_normal, _ = surfaces.at(tap)
+            taken = dr.gather(mi.Float, surfaces.weight, tap, there.inside)
+            same = (taken > 0.0) & (surfaces.which(tap) == self._which)
+            same &= dr.abs(dr.dot(beside - self._point, self._normal)) < PLANE * size
+            same &= dr.dot(self._normal, its_normal) > SAME_NORMAL
+            share = dr.select(same, (1.0 - dr.abs(x - left - right)) * (1.0 - dr.abs(y - top - below)), 0.0)
+            counted = share * taken
+            total += counted * dr.gather(mi.Color3f, surfaces.relative, tap, same)
+            # Not less than that of a single one: pixels side by side get shares of the same samples.
+            noise += counted * dr.gather(mi.Color3f, surfaces.variance, tap, same)
+            weight += counted
+            taps += share
+        enough = taps > FEWEST_TAPS
+        scale = dr.select(enough, dr.rcp(dr.maximum(weight, 1e-20)), 0.0)
+        total, noise, weight = total * scale, noise * scale, dr.select(enough, weight, 0.0)
+        dr.eval(total, noise, weight)
+        return _Found(total.numpy().T, noise.numpy().T, weight.numpy())
+
+    def differ(self, found: _Found, doubtful: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Which of them another frame found to be what noise does not explain, shape (n,); right for the doubtful."""
+        result = np.zeros(len(self.slots), bool)
+        if not doubtful.any():
+            return result
+        height, width = self._own.weight.shape
+        rows, columns = np.divmod(self.slots, width)
+        # Of the picture, only what lies around those in doubt.
+        (top, bottom), (left, right) = (
+            (max(int(each[doubtful].min()) - MARGIN, 0), min(int(each[doubtful].max()) + MARGIN + 1, size))
+            for each, size in ((rows, height), (columns, width))
+        )
+        here = (rows >= top) & (rows < bottom) & (columns >= left) & (columns < right)
+        part = (rows[here] - top, columns[here] - left)
+        crop = slice(top, bottom), slice(left, right)
+        own, surface = self._own, self._own.surface[crop]
+
+        def image(values: NDArray) -> NDArray:
+            whole = np.zeros(surface.shape, values.dtype)
+            whole[part] = values
+            return whole
+
+        both = found.weight[here] > 0.0
+        difference = (found.relative[here] - own.relative[crop][part]).mean(axis=1)
+        noise = (found.variance[here] + own.variance[crop][part]).mean(axis=1)
+        compared = image(both)
+        differs = _differs(image(np.where(both, difference, 0.0)), image(np.where(both, noise, 0.0)), compared, surface)
+        result[here] = differs[part]
+        return result
 
 
 class _Surfaces:
-    """What the pixels of a frame show in their middle."""
+    """What a frame found, on the device, and what its pixels show in their middle."""
 
     def __init__(self, sampled: SampledFrame) -> None:
         assert sampled.frame.depth is not None
         assert sampled.frame.normal is not None
-        self._view = sampled.view
+        self._view, light = sampled.view, sampled.light
         depth = np.where(np.isfinite(sampled.frame.depth), sampled.frame.depth, np.float32(0.0))
         self._depth, self._normal = mi.Float(aligned(depth)), mi.Float(aligned(sampled.frame.normal))
-        self._which = mi.UInt32(aligned(sampled.light.surface, np.uint32))
+        self._which = mi.UInt32(aligned(light.surface, np.uint32))
+        self.relative, self.variance, self.weight = (
+            mi.Float(aligned(part)) for part in (light.relative, light.variance, light.weight)
+        )
 
     def which(self, pixel: mi.UInt32) -> mi.UInt32:
         """Which surface pixels show, as :class:`_Light` counts them."""
@@ -244,11 +318,20 @@ class _Surfaces:
         return seen.ray(dr.gather(mi.Float, self._depth, pixel)), normal, seen.solid_angle
 
 
-def _differs(own: _Light, found: _Light) -> NDArray[np.bool_]:
-    """Where another frame found what noise does not explain, shape (height, width)."""
-    both = (own.weight > 0.0) & (found.weight > 0.0)
-    difference = np.where(both, (found.relative - own.relative).mean(axis=2), np.float32(0.0))
-    noise = np.where(both, (found.variance + own.variance).mean(axis=2), np.float32(0.0))
+def _differs(
+    difference: NDArray[np.float32],
+    noise: NDArray[np.float32],
+    both: NDArray[np.bool_],
+    surface: NDArray[np.uint32],
+) -> NDArray[np.bool_]:
+    """Where a difference is more than noise explains.
+
+    Args:
+        difference: between what two frames found, shape (height, width); 0 where either found nothing.
+        noise: its variance, likewise.
+        both: where both found something.
+        surface: which one the pixels show.
+    """
     # That of a single pixel from few samples is unreliable, and may be nothing at all.
     noise = np.maximum(noise, cv2.blur(noise, (3, 3)))
     result = np.zeros(both.shape, bool)
@@ -257,7 +340,7 @@ def _differs(own: _Light, found: _Light) -> NDArray[np.bool_]:
         # Means over the square times its area: the variance of a sum is the sum of the variances.
         result |= np.square(mean) * side**2 > REJECTED * expected
     result = cv2.dilate(result.astype(np.uint8), np.ones((AROUND, AROUND), np.uint8)) > 0
-    compared, rejected = (np.bincount(own.surface[part]) for part in (both, both & result))
+    compared, rejected = (np.bincount(surface[part]) for part in (both, both & result))
     mirroring = rejected > MIRRORING * compared[: len(rejected)]
     mirroring[:2] = False  # Support mirrors nothing; its shadows move here and there.
-    return np.asarray(result | np.isin(own.surface, np.flatnonzero(mirroring)))
+    return np.asarray(result | np.isin(surface, np.flatnonzero(mirroring)))

@@ -18,7 +18,7 @@ from functools import reduce
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.tracing import first_hit
+from lightdepth.kernel.tracing import first_hit, interaction
 from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import Cones, ObjectBounds
@@ -97,8 +97,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.lobes = SpecularLobes(glosses, parameters)
         self.clamp = None if clamp_indirect is None else dr.opaque(mi.Float, clamp_indirect)
         self.has_relit = FaceKind.RELIT in surfaces.kinds
+        self.has_mirrors = self.lobes.any and not place.infinite
         self.has_support = surfaces.changes
-        if bounds and targets and self.has_support and not surfaces.materials.have_holes:
+        if bounds and targets and self.has_support and not surfaces.materials.have_holes and not surfaces.has_unseen:
             self.light_tracer = LightTracer(
                 place,
                 surfaces,
@@ -137,9 +138,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         on_removed = on_synthetic & self.surfaces.is_removed(found)
+        # Cameras do not see these by themselves: the path goes on behind as if nothing were there.
+        unseen = on_synthetic & first & self.surfaces.is_unseen(found, on_synthetic)
         hit = self.surfaces.real_hit(ray, found, on_real)
         on_relit = on_real & (hit.kind == int(FaceKind.RELIT))
-        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        si = interaction(self.surfaces.all, found, ray, on_synthetic)
 
         # What the place sends along the ray: added by eq. (3) at real surfaces, subtracted by eq. (4) where a new
         # surface stands before them and the last scattering was on support.
@@ -147,9 +150,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         arrived = active & ~on_synthetic & ~on_relit & ~difference & ~first
         radiance += throughput * self._before(ray, hit, blocked, blocked & on_synthetic, arrived, path)
         if self.has_emitters:
-            radiance += throughput * self._emission(si, on_synthetic, first, last, depth)
+            radiance += throughput * self._emission(si, on_synthetic & ~unseen, first, last, depth)
 
-        covered |= first & (on_synthetic | on_relit)
+        covered |= first & ((on_synthetic & ~unseen) | on_relit)
 
         # Only new surfaces and the seen side of support and of glossy environment scatter, up to the last bounce; holes
         # are passed after it too.
@@ -158,8 +161,22 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         materials = self.surfaces.materials
         material = materials.index(si, on_synthetic)
         scatters = depth < self.max_bounces
-        active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(material, on_synthetic))
+        mirrors = arrived & self._mirrors_elsewhere(hit, on_support & ~on_relit & scatters)
+        passes = on_synthetic & (unseen | self._has_holes(material, on_synthetic))
+        active &= (scatters & (on_synthetic | on_support)) | passes
         rho, specular_scale = self._reflectance(hit, ray.d, active & on_support)
+        if self.has_mirrors:
+            # What is mirrored toward the capture point gives way to what is mirrored here: the lobe scatters all light and
+            # not its change, by a draw between the two.
+            shown = specular_scale * self.place.photograph.mirrored(hit, ray.d, mirrors)
+            radiance -= dr.select(mirrors, self._clamped(throughput * shown, depth), 0.0)
+            chance = dr.select(dr.max(rho) > 0.0, mi.Float(parameters.mirrors_all), 1.0)
+            all_light = mirrors & (sampler.next_1d(mirrors) < chance)
+            throughput *= dr.select(mirrors, dr.rcp(dr.select(all_light, chance, 1.0 - chance)), 1.0)
+            rho = dr.select(all_light, 0.0, rho)
+            specular_scale = dr.select(mirrors & ~all_light, 0.0, specular_scale)
+        else:
+            all_light = mi.Bool(False)
         if cache is not None:
             cached, mean, begins, here = self._cached(cache, path, hit, active & on_support)
             radiance += dr.select(cached, throughput * rho * mean, 0.0)
@@ -176,7 +193,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             cones = bounds.cones(point)
 
         # Russian roulette: by throughput, and between support surfaces by the chance to meet an object.
-        between_support = on_support & ~on_relit & ~first
+        between_support = on_support & ~on_relit & ~first & ~all_light
         carried = dr.max(throughput)
         if cones is not None:
             reach = dr.clip(
@@ -188,12 +205,13 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         active &= sampler.next_1d(active) < survival
         throughput *= dr.rcp(dr.maximum(survival, 1e-6))
 
-        in_difference = active & on_support & ~on_relit
+        in_difference = active & on_support & ~on_relit & ~all_light
         # Object-directed sampling makes the other directions heavier: paths of high throughput use it less, so that
         # weights do not multiply.
         directed = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
         support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, directed, specular_scale)
-        vertex = Vertex(point, normal, si, material, support, active & on_synthetic, active & on_support, in_difference)
+        scattering = active & on_synthetic & ~unseen
+        vertex = Vertex(point, normal, si, material, support, scattering, active & on_support, in_difference)
 
         # Light sampling, and what it counts as where the next direction meets light.
         weight_samples = self.light_sampling.weight_samples(in_difference)
@@ -208,6 +226,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         support_direction = support.sample(choice, mi.Point2f(x, y))
         support_value, support_pdf = support.evaluate(support_direction)
         direction = dr.select(vertex.on_support, support_direction, si.to_world(drawn.wo))
+        direction = dr.select(unseen, ray.d, direction)
+        weight = dr.select(unseen, 1.0, weight)
         throughput *= dr.select(vertex.on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
         pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
         pdf = dr.select(vertex.on_support, support_pdf, pdf)
@@ -220,7 +240,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             pdf_ratio = dr.select(first & (in_difference | (vertex.on_synthetic & (pdf > 0.0))), at_first, pdf_ratio)
 
         # Passing through a mask's hole is no scattering: the last one stays as it is.
-        through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
+        through = unseen | (vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null))
         last.point = dr.select(through, last.point, point)
         last.pdf = dr.select(through, last.pdf, pdf)
         last.weight_samples = dr.select(through, last.weight_samples, weight_samples)
@@ -260,11 +280,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             u: uniform random numbers that pick them.
             active: where it is wanted.
         """
-        found = first_hit(self.surfaces.all, ray, active=active)
+        found = first_hit(self.surfaces.seen, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
-        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        si = interaction(self.surfaces.seen, found, ray, on_synthetic)
         on_support = on_real & self.surfaces.scatters(hit) & (dr.dot(hit.normal, ray.d) < 0.0)
         in_difference = on_support & (hit.kind != int(FaceKind.RELIT))
         rho, specular_scale = self._reflectance(hit, ray.d, on_support)
@@ -311,7 +331,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         wanted = blocked | arrived
         distance = dr.norm(hit.point - last.point)
         values = []
-        arriving = self.place.arriving(ray, hit, distance, wanted)
+        arriving = self.place.arriving(ray, hit, distance, wanted, arrived)
         counts = [last.weight_samples, *(mi.Float(1.0) for _ in self.place.suns)]
         for (radiance, pdf, finite), count, share in zip(arriving, counts, self.place.path_shares, strict=True):
             value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
@@ -361,14 +381,18 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         depth: mi.UInt32,
     ) -> mi.Color3f:
         """Light that synthetic surfaces emit along the ray."""
-        emitter = si.emitter(self.surfaces.all, on_synthetic)
+        emitter = si.emitter(self.surfaces.emitting, on_synthetic)
         shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
         reference = dr.zeros(mi.Interaction3f)
         reference.p = last.point
-        sampled = mi.DirectionSample3f(self.surfaces.all, si, reference)
-        pdf = self.surfaces.all.pdf_emitter_direction(reference, sampled, shines & ~first)
+        sampled = mi.DirectionSample3f(self.surfaces.emitting, si, reference)
+        pdf = self.surfaces.emitting.pdf_emitter_direction(reference, sampled, shines & ~first)
         weight = dr.select(first, 1.0, mis_weight(last.pdf, pdf * (1.0 - self.light_sampling.map_share)))
         return dr.select(shines, self._clamped(emitter.eval(si, shines) * weight, depth), 0.0)
+
+    def _mirrors_elsewhere(self, hit: RealHit, scattering: mi.Bool) -> mi.Bool:
+        """Which of the scattering real surfaces mirror something else to a path than to the capture point."""
+        return scattering & (hit.gloss > 0) if self.has_mirrors else mi.Bool(False)
 
     def _has_holes(self, material: mi.UInt32, active: mi.Bool) -> mi.Bool:
         """Whether light may pass a material without being scattered."""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_solid_angles
-from lightdepth.kernel.tracing import first_hit, meets
+from lightdepth.kernel.tracing import first_hit, interaction, meets
 from lightdepth.kernel.variables import as_matrix, as_point
 from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.median_cut import LUMINANCE, median_cut
@@ -198,7 +198,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         hit = self.surfaces.real_hit(ray, found, on_real)
         on_support = on_real & self.surfaces.receives(hit) & (dr.dot(hit.normal, ray.d) < 0.0)
         on_environment = active & ~on_synthetic & ~on_support
-        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        si = interaction(self.surfaces.all, found, ray, on_synthetic)
 
         # Lines 8 to 11, eq. 4. At i = 0 this is the plate, which the film has already.
         ((seen, map_pdf, _),) = self.place.arriving(ray, hit, dr.norm(hit.point - previous), on_environment)
@@ -212,7 +212,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         synthetic_path = mi.Bool(on_synthetic)
         covered |= first & on_synthetic
         if self.has_emitters:
-            emitter = si.emitter(self.surfaces.all, on_synthetic)
+            emitter = si.emitter(self.surfaces.emitting, on_synthetic)
             shines = on_synthetic & (emitter != None)  # noqa: E711 - a comparison of pointers, lane by lane
             radiance += dr.select(shines, throughput * emitter.eval(si, shines), 0.0)  # (7)
         active &= depth < self.max_bounces

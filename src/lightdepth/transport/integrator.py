@@ -112,7 +112,7 @@ class Integrator(ABC, Generic[PathKind]):
         self.bounds = bounds
         self.max_bounces = dr.opaque(mi.UInt32, max_bounces if max_bounces >= 0 else 0xFFFFFFFF)
         self.light_tracer: LightTracer | None = None
-        self.has_emitters = len(surfaces.all.emitters()) > 0
+        self.has_emitters = len(surfaces.emitting.emitters()) > 0
 
     def new_cache(self) -> RadianceCache | None:
         """An empty radiance cache for one image; ``None`` where it would be of no use."""

@@ -119,7 +119,7 @@ class LightSampling:
             reference = dr.zeros(mi.SurfaceInteraction3f)
             reference.p, reference.n = vertex.point, mi.Normal3f(vertex.normal)
             position = mi.Point2f(sampler.next_1d(active), sampler.next_1d(active))
-            sampled, weight = self._surfaces.all.sample_emitter_direction(
+            sampled, weight = self._surfaces.emitting.sample_emitter_direction(
                 reference, position, False, active & ~from_map
             )
             direction = dr.select(from_map, direction, sampled.d)
@@ -193,6 +193,11 @@ class LightSampling:
         useful = tried & (dr.max(value) > 0.0)
         ray = shadow_ray(vertex.point, vertex.normal, direction, mi.Float(dr.inf))
         passed = self._transmittance(ray, useful)
+        if self._surfaces.has_removed:
+            before = useful & vertex.in_difference
+            before &= ~sun.blocked(ray, before)
+            after = passed & ~sun.blocked(ray, useful & (passed > 0.0), kept=True)
+            return dr.select(useful, value * (after - dr.select(before, mi.Float(1.0), 0.0)), 0.0)
         value *= dr.select(vertex.in_difference, passed - 1.0, passed)
         useful &= dr.max(dr.abs(value)) > 0.0
         return dr.select(useful & ~sun.blocked(ray, useful), value, 0.0)
@@ -333,7 +338,9 @@ class LightSampling:
             si = first_interaction(self._surfaces.synthetic, ray, active)
             active &= si.is_valid()
             transmission = materials.null_transmission(materials.index(si, active), si, active)
-            passed *= dr.select(active, dr.mean(transmission), 1.0)
+            # Not `dr.mean`, which writes the number of lanes into the program: it would be compiled again for each.
+            mean = (transmission.x + transmission.y + transmission.z) / 3.0
+            passed *= dr.select(active, mean, 1.0)
             active &= passed > 0.0
             remaining = ray.maxt - si.t
             ray = leave(si.p, mi.Vector3f(si.n), ray.d, remaining)

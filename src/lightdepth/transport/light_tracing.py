@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.tracing import first_hit, loop_mode, meets
+from lightdepth.kernel.tracing import first_hit, interaction, loop_mode, meets
 from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import ObjectBounds
@@ -242,7 +242,7 @@ class LightTracer:
         found = first_hit(self.surfaces.all, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
-        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_synthetic)
+        si = interaction(self.surfaces.all, found, ray, on_synthetic)
         materials = self.surfaces.materials
         material = materials.index(si, on_synthetic)
         smooth = mi.has_flag(materials.flags(material, on_synthetic), mi.BSDFFlags.Smooth)
@@ -302,7 +302,7 @@ class LightTracer:
         on_real = path.arrived & self.surfaces.is_real(found)
         on_object = path.arrived & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
-        si = found.compute_surface_interaction(ray, mi.RayFlags.All, on_object)
+        si = interaction(self.surfaces.all, found, ray, on_object)
         point = dr.select(on_object, si.p, hit.point)
         normal = dr.select(on_object, mi.Vector3f(si.n), hit.normal)
 

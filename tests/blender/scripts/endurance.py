@@ -10,7 +10,7 @@ import bpy
 from session import add_camera, answer, as_exr, begin, module, refused, room
 
 STAGES = ("exporting", "loading", "preparing", "progress", "writing")
-STEPS = 5
+STEPS = 10
 folder = Path(sys.argv[1])
 scene = begin()
 room(folder)
@@ -52,7 +52,7 @@ def pid():
 
 # Undo and redo: Blender replaces all of its data each time.
 for step in range(STEPS + 1):
-    bpy.data.objects["Sphere"].location.x = -0.5 + 0.2 * step
+    bpy.data.objects["Sphere"].location.x = -0.5 + 0.1 * step
     bpy.ops.ed.undo_push(message=f"step {step}")
     picture(f"step {step}")
 first, before = pid(), data()

@@ -71,6 +71,19 @@ holder = bpy.data.objects.new("Holder", None)
 holder.instance_type, holder.instance_collection = "COLLECTION", group
 holder.location, holder.scale = (1.0, 1.0, 1.0), (0.5, 0.5, 0.5)
 scene.collection.objects.link(holder)
+# A collection of two objects that share a mesh, each with the material in its own slot, at forty vertices.
+pair = bpy.data.collections.new("pair")
+for name, made in (("Left", glass), ("Right", plastic)):
+    half = bpy.data.objects.new(name, ball.data)
+    half.material_slots[0].link, half.material_slots[0].material = "OBJECT", made
+    pair.objects.link(half)
+row = bpy.data.meshes.new("Row")
+row.from_pydata([(0.02 * index - 0.4, 0.5, 0.2) for index in range(40)], [], [])
+carrier, each = bpy.data.objects.new("Row", row), bpy.data.objects.new("Each", None)
+each.instance_type, each.instance_collection, each.scale = "COLLECTION", pair, (0.1, -0.1, 0.1)
+each.parent, carrier.instance_type = carrier, "VERTS"
+scene.collection.objects.link(carrier)
+scene.collection.objects.link(each)
 for made, name in ((textured, "Tile"), (glowing, "Neon"), (wood, "Plank")):
     bpy.ops.mesh.primitive_plane_add(size=0.3, location=(-1.0, 1.0, 0.2 + 0.3 * len(name)))
     bpy.context.object.name = name

@@ -130,6 +130,8 @@ def model(scene):
         bpy.ops.lightdepth.add_top()
         bpy.ops.mesh.primitive_monkey_add(size=0.5, location=(-0.2, 0.95, 0.2), rotation=(-0.6, 0.0, 0.3))
     monkey = bpy.context.object
+    bpy.context.view_layer.update()
+    monkey.location.z -= min((monkey.matrix_world @ vertex.co).z for vertex in monkey.data.vertices)  # on the floor
     for face in monkey.data.polygons:
         face.use_smooth = True
     copper = bpy.data.materials.new("Copper")
@@ -170,6 +172,7 @@ def holes(scene):
     look(where, (1.0, 0.5, -0.35))
     yield DRAWN
     window.scroll_sidebar(where, 12)
+    window.move(where, 200, 300)
     yield 5 * DRAWN
     window.picture(folder / "holes.png")
     walls.data = kept
@@ -187,6 +190,7 @@ def viewport(scene):
     monkey.select_set(True)
     bpy.context.view_layer.objects.active = monkey
     look(where, (0.15, 1.0, -0.9))
+    window.move(where, 200, 300)  # away from buttons, which would show what they do
     properties = next(area for area in where["window"].screen.areas if area.type == "PROPERTIES")
     properties.spaces.active.context = "VIEW_LAYER"
     before, space.shading.type = space.shading.type, "RENDERED"
@@ -217,6 +221,8 @@ def render(scene):
     for _ in range(4):  # as far as it is drawn, each time
         window.scroll_sidebar(where, 15)
         yield DRAWN
+    window.move(where, 200, 300)
+    yield DRAWN
     window.picture(folder / "cameras.png")
     bpy.data.objects.remove(dome)
     scene.camera, (scene.render.resolution_x, scene.render.resolution_y) = camera, size

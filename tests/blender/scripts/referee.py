@@ -670,6 +670,56 @@ def many_instances(s):
 
 
 @scene()
+def scattered_by_nodes(s):
+    """Hundreds of heavy meshes, turned, unevenly scaled and some of them mirrored."""
+    piece = ball(textured(coordinates="Generated", mapping=INNER)[0], (0, 0, -20), 0.06, smooth=False)
+    piece.modifiers.new("finer", "SUBSURF").render_levels = 1
+    cloud = bpy.data.meshes.new("cloud")
+    spread = np.random.default_rng(3).uniform((-0.8, 1.0, 0.6), (0.8, 2.2, 1.8), (300, 3))
+    cloud.from_pydata(spread.tolist(), [], [])
+    carrier = bpy.data.objects.new("cloud", cloud)
+    s.collection.objects.link(carrier)
+    tree = bpy.data.node_groups.new("scatter", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    given, made = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
+    placed, source = tree.nodes.new("GeometryNodeInstanceOnPoints"), tree.nodes.new("GeometryNodeObjectInfo")
+    source.inputs["Object"].default_value, source.inputs["As Instance"].default_value = piece, True
+    tree.links.new(given.outputs[0], placed.inputs["Points"])
+    tree.links.new(source.outputs["Geometry"], placed.inputs["Instance"])
+    for target, low, high in (("Rotation", (0, 0, 0), (6, 6, 6)), ("Scale", (-1.5, 0.7, 0.4), (1.5, 1.5, 1.5))):
+        chance = tree.nodes.new("FunctionNodeRandomValue")
+        chance.data_type = "FLOAT_VECTOR"
+        chance.inputs[0].default_value, chance.inputs[1].default_value = low, high
+        tree.links.new(chance.outputs[0], placed.inputs[target])
+    tree.links.new(placed.outputs[0], made.inputs[0])
+    carrier.modifiers.new("scatter", "NODES").node_group = tree
+
+
+@scene()
+def instances_with_slots_of_their_own(s):
+    """A collection of two objects that share a mesh, each with the material in its slot, placed as often as is gathered."""
+    group = bpy.data.collections.new("group")
+    first = ball(principled(), (-0.15, 0, 0), 0.12)
+    second = first.copy()
+    second.location.x = 0.15
+    move_to(first, group)
+    group.objects.link(second)
+    for piece, colour in ((first, RED), (second, GREEN)):
+        piece.material_slots[0].link = "OBJECT"
+        piece.material_slots[0].material = principled(Base_Color=colour)
+    holder = bpy.data.meshes.new("holder")
+    ticks = np.linspace(-0.5, 0.5, 3)
+    holder.from_pydata([tuple(MIDDLE + Vector((1.4 * x, 0.5 * z, z))) for x in ticks for z in ticks], [], [])
+    carrier = bpy.data.objects.new("holder", holder)
+    s.collection.objects.link(carrier)
+    each = bpy.data.objects.new("each", None)
+    s.collection.objects.link(each)
+    each.instance_type, each.instance_collection = "COLLECTION", group
+    each.parent, carrier.instance_type = carrier, "VERTS"
+
+
+@scene()
 def hidden_object(s):
     ball(principled(Base_Color=RED), MIDDLE + Vector((0.3, 0, 0)), 0.3)
     ball(principled(Base_Color=GREEN), MIDDLE - Vector((0.3, 0, 0)), 0.3).hide_render = True
@@ -731,6 +781,19 @@ def area_lamp(s):
 @scene()
 def area_lamp_from_behind(s):
     lit(s, "AREA", (0.25, 0.2, 1.5), energy=30.0, size=0.3)
+
+
+@scene()
+def lamp_in_the_picture(s):
+    """Between camera and ball, and mirrored by it; cameras do not see lamps unless they are told to."""
+    lit(s, "POINT", (0.1, 0.8, 1.25), energy=8.0, shadow_soft_size=0.1)
+    ball(principled(Metallic=1.0, Roughness=0.2), MIDDLE + Vector((-0.5, 0.1, 0)), 0.25)
+
+
+@scene()
+def lamp_that_cameras_see(s):
+    lamp_in_the_picture(s)
+    bpy.data.objects["Lamp"].visible_camera = True
 
 
 @scene()

@@ -26,7 +26,7 @@ class SunTable(Table):
     ``direction`` points toward the sun, world. ``azimuth`` counts clockwise from +y as seen from above. With ``latitude``,
     ``longitude`` and ``time`` the direction is computed, and ``north`` is the azimuth of true north in the scene. All
     angles are in degrees. ``irradiance`` is that of a surface which faces the sun, in the panorama's unit of radiance
-    times steradian.
+    times steradian. ``mask`` is an image, or ``recover``: the pattern that the patch of sun in the photograph shows.
     """
 
     type: Literal["sun"]
@@ -40,7 +40,7 @@ class SunTable(Table):
     north: Angle | None = None
     diameter: Number = Field(default=SUN_DIAMETER, ge=0.001, le=10.0)
     irradiance: tuple[Radiance, Radiance, Radiance]
-    mask: InputFile | None = None
+    mask: Annotated[Literal["recover"] | InputFile | None, Field(union_mode="left_to_right")] = None
     mask_extent: tuple[Metres, Metres, Metres, Metres] | None = None
 
     @model_validator(mode="after")
@@ -68,8 +68,10 @@ class SunTable(Table):
                 f"irradiance {max(self.irradiance):g} from a diameter of {self.diameter:g} degrees is a radiance of "
                 f"{radiance:.3g}; allowed are up to {BRIGHTEST:g}"
             )
-        if (self.mask is None) != (self.mask_extent is None):
-            raise ValueError("mask and mask_extent = [left, bottom, right, top] go together")
+        if self.mask == "recover" and self.mask_extent is not None:
+            raise ValueError('mask = "recover" finds the extent itself; mask_extent goes with an image')
+        if self.mask != "recover" and (self.mask is None) != (self.mask_extent is None):
+            raise ValueError("an image as mask and mask_extent = [left, bottom, right, top] go together")
         return self
 
     def toward(self) -> NDArray[np.float64]:

@@ -16,6 +16,8 @@ from lightdepth.scene.model import Mesh
 Triple = tuple[float, float, float]
 COARSEST_STEP = 0.002
 """Of a mesh's size: coarser steps of single precision would be seen."""
+EXPANDED_AT_ONCE = 1 << 20
+"""Vertices that are placed at once."""
 
 
 def placement(position: Triple, rotation: Triple, scale: Triple) -> NDArray[np.float64]:
@@ -96,6 +98,37 @@ def placed(mesh: Mesh, matrix: NDArray[np.float64]) -> Mesh:
         vertices=vertices,
         faces=exact.faces if solid.all() else exact.faces[solid],
         rest=None if exact.rest is None else exact.rest.astype(np.float32),
+    )
+
+
+def expanded(mesh: Mesh, places: NDArray[np.float64]) -> Mesh:
+    """One mesh of a mesh at several places, in single precision.
+
+    Args:
+        mesh: without rest positions.
+        places: affine maps, shape (k, 4, 4), of determinants above 0.
+    """
+    count, linear = len(places), places[:, :3, :3]
+    vertices = np.empty((count, len(mesh.vertices), 3), np.float32)
+    normals = None if mesh.normals is None else np.empty_like(vertices)
+    step = max(1, EXPANDED_AT_ONCE // len(mesh.vertices))
+    for start in range(0, count, step):
+        part = slice(start, start + step)
+        vertices[part] = np.einsum("kij,nj->kni", linear[part], mesh.vertices) + places[part, None, :3, 3]
+        if normals is not None and mesh.normals is not None:
+            cofactors = np.stack([np.cross(linear[part, i - 2], linear[part, i - 1]) for i in range(3)], axis=1)
+            normals[part] = unit(np.einsum("kij,nj->kni", cofactors, mesh.normals))
+    first = len(mesh.vertices) * np.arange(count, dtype=np.int64)[:, None, None]
+
+    def repeated(values: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
+        return None if values is None else np.tile(values, (count, 1))
+
+    return Mesh(
+        vertices.reshape(-1, 3),
+        (mesh.faces + first).reshape(-1, 3).astype(np.int32),
+        None if normals is None else normals.reshape(-1, 3),
+        repeated(mesh.texture_coordinates),
+        repeated(mesh.colors),
     )
 
 

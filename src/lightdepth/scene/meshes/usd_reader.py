@@ -79,7 +79,10 @@ class _Moment:
                 continue
             if not self._is_shown(imageable):
                 prims.PruneChildren()
-            elif prim.IsA(UsdGeom.PointInstancer):
+                continue
+            if prim.HasAPI(UsdLux.LightAPI):  # A mesh, too, may be a light.
+                self._note(f"its lights are left out, the first is {prim.GetPath()}")
+            if prim.IsA(UsdGeom.PointInstancer):
                 prims.PruneChildren()
                 if within_instancer:
                     raise InputError(
@@ -88,8 +91,6 @@ class _Moment:
                 yield from self._instances(UsdGeom.PointInstancer(prim))
             elif prim.IsA(UsdGeom.Mesh):
                 yield from self._mesh(prim)
-            elif prim.HasAPI(UsdLux.LightAPI):
-                self._note(f"its lights are left out, the first is {prim.GetPath()}")
             elif prim.IsA(UsdGeom.Gprim):
                 kind = prim.GetTypeName()
                 if kind not in LINES:
