@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import bpy
-from mathutils import Matrix, Vector
+from mathutils import Matrix
 
 from .picking import capture_pose
 
@@ -90,19 +90,6 @@ def circle(item) -> float | None:
     settings = panoramic(camera)
     share = 4.0 * settings.fisheye_lens * math.sin(0.25 * settings.fisheye_fov) / _sensor(camera)
     return share if share < 1.0 else None
-
-
-def sees(item, scene: bpy.types.Scene, point) -> bool:
-    """Whether a point of the world is within a camera's picture, whatever stands before it."""
-    if item.type != "CAMERA" or item.data.type != "PERSP":
-        return item.type == "CAMERA"
-    x, y, z = item.matrix_world.inverted() @ Vector(point)
-    if z >= 0.0:
-        return False
-    table, _ = _perspective(item, *resolution(scene), item.data.shift_x)
-    half, shift = math.tan(math.radians(0.5 * table["fov"])), table.get("shift", (0.0, 0.0))
-    ratio = table["height"] / table["width"]
-    return abs(x / -z / half - 2.0 * shift[0]) <= 1.0 and abs(y / -z / half - 2.0 * shift[1]) <= ratio
 
 
 def camera_table(item, scene, eye: Eye | None = None, posed: bool = False) -> tuple[dict[str, Any], list[str]]:
@@ -209,12 +196,17 @@ def _perspective(item, width, height, shift_x):
     if any(camera.lightdepth.distortion):
         table["distortion"] = list(camera.lightdepth.distortion)
     notes = []
-    if camera.dof.use_dof:
-        table["aperture"] = 0.5e-3 * camera.lens / camera.dof.aperture_fstop
-        table["focus_distance"] = _focus_distance(item)
-        if camera.dof.aperture_blades or camera.dof.aperture_ratio != 1.0:
-            notes.append(f"Camera '{item.name}': the aperture is round; its blades and ratio are not carried")
-    return table, notes
+    if camera.dof.use_dof and (camera.dof.aperture_blades or camera.dof.aperture_ratio != 1.0):
+        notes.append(f"Camera '{item.name}': the aperture is round; its blades and ratio are not carried")
+    return table | depth_of_field(item), notes
+
+
+def depth_of_field(item) -> dict[str, float]:
+    """Aperture and focus of a perspective camera, evaluated, as its table has them; nothing where all is sharp."""
+    camera = item.data
+    if not camera.dof.use_dof:
+        return {}
+    return {"aperture": 0.5e-3 * camera.lens / camera.dof.aperture_fstop, "focus_distance": _focus_distance(item)}
 
 
 def _narrow(table: dict[str, Any], part: tuple[int, int, int, int]) -> None:

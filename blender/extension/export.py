@@ -202,11 +202,8 @@ class _Writer:
         tables, said = lights.emitters(name, item.data, to_world)
         for table in tables[1:]:
             self.names.add(table["name"])
-        camera = self.depsgraph.scene_eval.camera
-        if tables and not item.visible_camera and camera is not None and item.data.type != "SUN":
-            place = np.array(to_world.translation) + self.origin
-            if cameras.sees(camera.evaluated_get(self.depsgraph), self.depsgraph.scene_eval, place):
-                said.append(f"Light '{item.name}': the camera sees it shine; in Cycles it is not seen by cameras")
+        if not item.visible_camera:
+            tables = [table | {"visible_to_camera": False} for table in tables]
         self._append_tables(tables, _source(item))
         self.note(*said)
 

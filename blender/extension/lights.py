@@ -157,7 +157,7 @@ def _spot(name, light, to_world, colour):
     The tube's opening shows half of the disk in the middle of the lamp's blend, and its rim is as wide as the blend.
     """
     radius, notes = _radius(name, light)
-    notes.append(f"Light '{name}': a spot is a disk in a black tube, which is seen and casts shadows")
+    notes.append(f"Light '{name}': a spot is a disk in a black tube, which casts shadows")
     if light.use_square:
         notes.append(f"Light '{name}': a spot is round; its square shape is not carried")
     half = 0.5 * light.spot_size

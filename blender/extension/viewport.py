@@ -2,6 +2,7 @@
 
 import time
 import weakref
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ class Viewport:
             if self._changed and self._may_export():
                 self._export(depsgraph)
             if self._exported is not None:
-                self._ask(engine, depsgraph.scene_eval, view)
+                self._ask(engine, depsgraph.scene_eval, view, _lens(context, depsgraph))
             self._draw_picture(engine, context)
         self._preview.news = False
         engine.update_stats("", self._preview.status)
@@ -85,7 +86,7 @@ class Viewport:
         self._exported_at = time.monotonic()
         self._export_seconds = self._exported_at - began
 
-    def _ask(self, engine, scene, view: View) -> None:
+    def _ask(self, engine, scene, view: View, lens: Mapping[str, float]) -> None:
         """Ask for the coarse and the fine picture, unless they are asked for already."""
         try:
             command = renderer_command()
@@ -94,9 +95,10 @@ class Viewport:
             return
         method = options(scene.lightdepth)["method"]
         stages = [
-            self._stage(view, COARSE, {"method": method, "draft": True}),
+            self._stage(view, lens, COARSE, {"method": method, "draft": True}),
             self._stage(
                 view,
+                lens,
                 max(engine.get_preview_pixel_size(scene), 1),
                 {"method": method, "draft": scene.lightdepth.draft, "preview_seconds": PICTURE_SECONDS},
             ),
@@ -106,10 +108,10 @@ class Viewport:
             self._asked = asked
             self._preview.want(command, stages)
 
-    def _stage(self, view: View, pixel: int, request: dict[str, Any]) -> Stage:
+    def _stage(self, view: View, lens: Mapping[str, float], pixel: int, request: dict[str, Any]) -> Stage:
         width, height = view.size_of(pixel)
         table = {"type": "perspective", "width": width, "height": height, "fov": view.fov}
-        table |= {"shift": list(view.shift), **cameras.pose(Matrix(view.pose))}
+        table |= {"shift": list(view.shift), **cameras.pose(Matrix(view.pose)), **lens}
         return Stage(request, self._exported.seen(table), Path(self._exported.path))
 
     def _draw_picture(self, engine, context) -> None:
@@ -124,6 +126,15 @@ class Viewport:
         engine.bind_display_space_shader(context.scene)
         draw_texture_2d(self._texture, (0, 0), context.region.width, context.region.height)
         engine.unbind_display_space_shader()
+
+
+def _lens(context, depsgraph) -> Mapping[str, float]:
+    """Depth of field of the camera that a viewport looks through, if it does."""
+    space = context.space_data
+    camera = space.camera if space.use_local_camera else depsgraph.scene_eval.camera
+    if context.region_data.view_perspective != "CAMERA" or camera is None or camera.type != "CAMERA":
+        return {}
+    return cameras.depth_of_field(camera.evaluated_get(depsgraph)) if camera.data.type == "PERSP" else {}
 
 
 _live: weakref.WeakSet[Viewport] = weakref.WeakSet()

@@ -47,7 +47,7 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
             for number, lens in enumerate(lenses):
                 seen = view.rays(film, mi.Point2f(*lens))
                 ray, inside = seen.ray, seen.inside
-                found = first_hit(surfaces.all, ray, coherent=True, active=inside)
+                found = first_hit(surfaces.seen, ray, coherent=True, active=inside)
                 on_real = surfaces.is_real(found)
                 hit = surfaces.real_hit(ray, found, on_real)
                 reached |= inside & found.is_valid() & (~on_real | surfaces.scatters(hit))
@@ -77,7 +77,7 @@ def shown_in_the_middle(view: Viewpoint, prepared: Prepared) -> tuple[NDArray[np
     support, unchanged = np.empty((height, width), bool), np.empty((height, width), np.uint8)
     for band in bands(width, height):
         seen = view.pixel_rays(band.column, band.row, mi.Point2f(0.5), mi.Point2f(0.5))
-        found = first_hit(surfaces.all, seen.ray, coherent=True, active=seen.inside)
+        found = first_hit(surfaces.seen, seen.ray, coherent=True, active=seen.inside)
         on_real = seen.inside & surfaces.is_real(found)
         hit = surfaces.real_hit(seen.ray, found, on_real)
         matte = on_real & (hit.kind == int(FaceKind.SUPPORT)) & (hit.gloss == 0)

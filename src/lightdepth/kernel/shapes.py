@@ -41,6 +41,7 @@ class SyntheticShapes:
             (m, 3), of meshes that are no instances.
         plain: those that stand where they are in the world.
         instances: the others; ``None`` where there are none.
+        unseen: those that cameras do not see by themselves.
     """
 
     numbered: tuple[tuple[int, mi.Shape], ...]
@@ -48,6 +49,7 @@ class SyntheticShapes:
     parts: tuple[tuple[tuple[np.ndarray, float], tuple[np.ndarray, np.ndarray] | None], ...]
     plain: tuple[mi.Shape, ...]
     instances: Instances | None
+    unseen: tuple[mi.Shape, ...] = ()
 
 
 def synthetic_shapes(scene: Scene) -> SyntheticShapes:
@@ -62,7 +64,12 @@ def synthetic_shapes(scene: Scene) -> SyntheticShapes:
     _hold_numbers()
     builder = _Builder(_last)
     parts = [(index, part) for index, thing in enumerate(scene.synthetic) for part in thing.parts]
-    prototypes = _prototypes([part for _, part in parts], scene.render.parameters.transport.expanded_triangles)
+    # What cameras do not see is left out of a scene by its shape.
+    limits = [
+        scene.render.parameters.transport.expanded_triangles if scene.synthetic[index].visible_to_camera else None
+        for index, _ in parts
+    ]
+    prototypes = _prototypes([part for _, part in parts], limits)
     owners = {number: prototype for prototype in prototypes for number in prototype.parts}
     shapes, spheres = [], []
     for number, (index, part) in enumerate(parts):
@@ -81,7 +88,8 @@ def synthetic_shapes(scene: Scene) -> SyntheticShapes:
     instances = None
     if prototypes:
         instances = Instances([each.traced() for each in prototypes], [shapes[number][1] for number in owners])
-    return SyntheticShapes(tuple(shapes), tuple(spheres), tuple(outline), plain, instances)
+    unseen = tuple(shape for index, shape in shapes if not scene.synthetic[index].visible_to_camera)
+    return SyntheticShapes(tuple(shapes), tuple(spheres), tuple(outline), plain, instances, unseen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,11 +150,16 @@ class _Prototype:
         return np.einsum("nij,cj->nci", self.places[:, :3, :3], corners) + self.places[:, None, :3, 3]
 
 
-def _prototypes(parts: Sequence[SyntheticPart], expanded_triangles: int) -> list[_Prototype]:
-    """Parts that are too much to be expanded, those at the same places together."""
+def _prototypes(parts: Sequence[SyntheticPart], limits: Sequence[int | None]) -> list[_Prototype]:
+    """Parts that are too much to be expanded, those at the same places together.
+
+    Args:
+        parts: of all objects.
+        limits: most triangles that are expanded; ``None`` expands all.
+    """
     together: dict[int, list[int]] = {}
-    for number, part in enumerate(parts):
-        if part.places is not None and _stays_instanced(part, expanded_triangles):
+    for number, (part, limit) in enumerate(zip(parts, limits, strict=True)):
+        if limit is not None and _stays_instanced(part, limit):
             together.setdefault(id(part.places), []).append(number)
     edge = next(edge for edge in itertools.count(1) if edge**3 >= len(together))
     prototypes = []

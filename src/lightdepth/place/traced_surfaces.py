@@ -6,7 +6,7 @@ What is removed is there before the change, and not afterwards: it is in ``real`
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, fields
 
@@ -72,7 +72,9 @@ class TracedSurfaces:
         synthetic: the synthetic surfaces.
         all: both together.
         emitting: the same without instances, which give no light.
-        shown: those that are kept and the synthetic ones.
+        has_unseen: whether there are synthetic surfaces that cameras do not see by themselves.
+        seen: ``all`` without these.
+        shown: those that are kept, and the synthetic ones that cameras see.
     """
 
     def __init__(self, surfaces: RealSurfaces, shapes: SyntheticShapes | None = None) -> None:
@@ -122,7 +124,15 @@ class TracedSurfaces:
         self.synthetic = _with(_scene({**new, **passed}, robust=True), instances)
         self.emitting = _scene({**self._real_shapes, **new, **passed})
         self.all = _with(self.emitting, instances)
-        self.shown = self.all if removed is None else _with(_scene({**self._real_shapes, **new}), instances)
+        unseen = () if shapes is None else shapes.unseen
+        self.has_unseen = len(unseen) > 0
+        self._unseen = _table_of([registered(mi.ShapePtr(shape)) for shape in unseen])
+        seen = {name: shape for name, shape in new.items() if shape not in unseen}
+        self.seen, self.shown = self.all, self.all
+        if self.has_unseen:
+            self.seen = _with(_scene({**self._real_shapes, **seen, **passed}), instances)
+        if removed is not None or self.has_unseen:
+            self.shown = _with(_scene({**self._real_shapes, **seen}), instances)
         self.materials = Materials([*every, *passed.values()])
 
     def _only(self, surfaces: RealSurfaces, chosen: NDArray[np.bool_], black: mi.BSDF) -> mi.Scene:
@@ -187,6 +197,14 @@ class TracedSurfaces:
         if self._removed_shape is None:
             return mi.Bool(False)
         return found.is_valid() & (dr.reinterpret_array(mi.UInt32, found.shape) == self._removed_shape)
+
+    def is_unseen(self, found: mi.PreliminaryIntersection3f, active: mi.Bool) -> mi.Bool:
+        """Which of the active intersections with everything cameras do not see by themselves."""
+        if not self.has_unseen:
+            return mi.Bool(False)
+        index = dr.reinterpret_array(mi.UInt32, found.shape)
+        inside = active & found.is_valid() & (index < dr.width(self._unseen))
+        return inside & (dr.gather(mi.UInt32, self._unseen, index, inside) > 0)
 
     def leaves_with_objects(self, hit: RealHit) -> mi.Bool:
         """Whether what real surfaces that were met send is not there after the change: relit and removed ones."""
@@ -305,6 +323,13 @@ def shadow_ray(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f, d
 def _beside(point: mi.Point3f, normal: mi.Vector3f, direction: mi.Vector3f) -> mi.Point3f:
     offset = RAY_EPSILON * (1.0 + dr.max(dr.abs(point)))
     return dr.fma(normal, dr.mulsign(offset, dr.dot(normal, direction)), point)
+
+
+def _table_of(indices: Sequence[int]) -> mi.UInt32:
+    """1 at each of some indices, 0 elsewhere."""
+    table = np.zeros(max(indices, default=0) + 1, np.uint32)
+    table[list(indices)] = 1
+    return mi.UInt32(aligned(table, np.uint32))
 
 
 def _with(scene: mi.Scene, instances: Instances | None) -> Traced:

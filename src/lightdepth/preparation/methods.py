@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 from lightdepth.place.object_outline import ObjectOutline
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import merge_real_surfaces
@@ -122,7 +122,10 @@ def _envpath(scene: Scene, store: Store | None = None) -> Prepared:
     modelled = merge_real_surfaces(modelled_surfaces(scene))
     objects = prepare_objects(scene)
     real = support_with_scale_factors(scene, modelled)
-    surfaces = TracedSurfaces(real, objects.shapes)
+    unseen = [thing.name for thing in scene.synthetic if not thing.visible_to_camera]
+    if unseen:
+        warn(f"{scene.path or 'scene'}: method 'envpath' shows '{unseen[0]}' in spite of visible_to_camera = false")
+    surfaces = TracedSurfaces(real, replace(objects.shapes, unseen=()))
     place = Place(scene.panorama, surfaces, alone=True, parameters=scene.render.parameters.place)
     settings = scene.render
     integrator = EnvpathIntegrator(

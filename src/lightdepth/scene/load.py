@@ -335,10 +335,13 @@ def _synthetic_object(
             parts = resting = meshes[key]
         to_world = _to_world(table, [part.mesh for part in resting], panorama, real)
         if table.instances is not None:
-            return SyntheticObject(table.name, tuple(_instanced(table, table.instances, parts, to_world)))
-        return SyntheticObject(table.name, tuple(_pieces(table, parts, to_world)))
+            pieces = _instanced(table, table.instances, parts, to_world)
+        else:
+            pieces = _pieces(table, parts, to_world)
+        return SyntheticObject(table.name, tuple(pieces), table.visible_to_camera)
     to_world = _to_world(table, [AnalyticShape(table.shape, np.eye(4))], panorama, real)
-    return SyntheticObject(table.name, (SyntheticPart(AnalyticShape(table.shape, to_world), table.material),))
+    part = SyntheticPart(AnalyticShape(table.shape, to_world), table.material)
+    return SyntheticObject(table.name, (part,), table.visible_to_camera)
 
 
 def _pieces(table: MeshObject, parts: Sequence[MeshPart], matrix: NDArray[np.float64]) -> list[SyntheticPart]:

@@ -139,10 +139,17 @@ class SyntheticPart:
 
 @dataclass(frozen=True)
 class SyntheticObject:
-    """A new object; a glTF file may give it several parts."""
+    """A new object; a glTF file may give it several parts.
+
+    Attributes:
+        name: of it.
+        parts: of it.
+        visible_to_camera: whether cameras see it by themselves, and not only in mirrors and through glass.
+    """
 
     name: str
     parts: tuple[SyntheticPart, ...]
+    visible_to_camera: bool = True
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,13 @@ class OnSpot(Table):
         return self
 
 
-class MeshObject(OnSpot, Placed):
+class Seen(Table):
+    """What sees an object."""
+
+    visible_to_camera: Annotated[bool, Field(strict=True)] = True
+
+
+class MeshObject(OnSpot, Placed, Seen):
     """``[[synthetic]]`` with a mesh file; without ``material`` it has the materials of the file."""
 
     name: Name
@@ -161,7 +167,7 @@ class MeshObject(OnSpot, Placed):
         return self
 
 
-class SphereObject(OnSpot):
+class SphereObject(OnSpot, Seen):
     """``[[synthetic]]`` with ``shape = "sphere"``."""
 
     name: Name
@@ -177,7 +183,7 @@ class SphereObject(OnSpot):
         return self
 
 
-class UnitShapeObject(OnSpot, Placed):
+class UnitShapeObject(OnSpot, Placed, Seen):
     """``[[synthetic]]`` with another shape of unit size: Mitsuba's, from -1 to 1; the cylinder from z = 0 to 1."""
 
     name: Name

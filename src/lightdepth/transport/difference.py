@@ -99,7 +99,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.has_relit = FaceKind.RELIT in surfaces.kinds
         self.has_mirrors = self.lobes.any and not place.infinite
         self.has_support = surfaces.changes
-        if bounds and targets and self.has_support and not surfaces.materials.have_holes:
+        if bounds and targets and self.has_support and not surfaces.materials.have_holes and not surfaces.has_unseen:
             self.light_tracer = LightTracer(
                 place,
                 surfaces,
@@ -138,6 +138,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         on_removed = on_synthetic & self.surfaces.is_removed(found)
+        # Cameras do not see these by themselves: the path goes on behind as if nothing were there.
+        unseen = on_synthetic & first & self.surfaces.is_unseen(found, on_synthetic)
         hit = self.surfaces.real_hit(ray, found, on_real)
         on_relit = on_real & (hit.kind == int(FaceKind.RELIT))
         si = interaction(self.surfaces.all, found, ray, on_synthetic)
@@ -148,9 +150,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         arrived = active & ~on_synthetic & ~on_relit & ~difference & ~first
         radiance += throughput * self._before(ray, hit, blocked, blocked & on_synthetic, arrived, path)
         if self.has_emitters:
-            radiance += throughput * self._emission(si, on_synthetic, first, last, depth)
+            radiance += throughput * self._emission(si, on_synthetic & ~unseen, first, last, depth)
 
-        covered |= first & (on_synthetic | on_relit)
+        covered |= first & ((on_synthetic & ~unseen) | on_relit)
 
         # Only new surfaces and the seen side of support and of glossy environment scatter, up to the last bounce; holes
         # are passed after it too.
@@ -160,7 +162,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         material = materials.index(si, on_synthetic)
         scatters = depth < self.max_bounces
         mirrors = arrived & self._mirrors_elsewhere(hit, on_support & ~on_relit & scatters)
-        active &= (scatters & (on_synthetic | on_support)) | (on_synthetic & self._has_holes(material, on_synthetic))
+        passes = on_synthetic & (unseen | self._has_holes(material, on_synthetic))
+        active &= (scatters & (on_synthetic | on_support)) | passes
         rho, specular_scale = self._reflectance(hit, ray.d, active & on_support)
         if self.has_mirrors:
             # What is mirrored toward the capture point gives way to what is mirrored here: the lobe scatters all light and
@@ -207,7 +210,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # weights do not multiply.
         directed = dr.select(in_difference, dr.minimum(dr.rcp(dr.maximum(dr.max(throughput), 1e-6)), 1.0), 0.0)
         support = SupportScattering(rho, hit.normal, -ray.d, self.lobes, hit.gloss, cones, directed, specular_scale)
-        vertex = Vertex(point, normal, si, material, support, active & on_synthetic, active & on_support, in_difference)
+        scattering = active & on_synthetic & ~unseen
+        vertex = Vertex(point, normal, si, material, support, scattering, active & on_support, in_difference)
 
         # Light sampling, and what it counts as where the next direction meets light.
         weight_samples = self.light_sampling.weight_samples(in_difference)
@@ -222,6 +226,8 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         support_direction = support.sample(choice, mi.Point2f(x, y))
         support_value, support_pdf = support.evaluate(support_direction)
         direction = dr.select(vertex.on_support, support_direction, si.to_world(drawn.wo))
+        direction = dr.select(unseen, ray.d, direction)
+        weight = dr.select(unseen, 1.0, weight)
         throughput *= dr.select(vertex.on_support, support_value / dr.maximum(support_pdf, 1e-20), weight)
         pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, drawn.pdf)
         pdf = dr.select(vertex.on_support, support_pdf, pdf)
@@ -234,7 +240,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             pdf_ratio = dr.select(first & (in_difference | (vertex.on_synthetic & (pdf > 0.0))), at_first, pdf_ratio)
 
         # Passing through a mask's hole is no scattering: the last one stays as it is.
-        through = vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null)
+        through = unseen | (vertex.on_synthetic & mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Null))
         last.point = dr.select(through, last.point, point)
         last.pdf = dr.select(through, last.pdf, pdf)
         last.weight_samples = dr.select(through, last.weight_samples, weight_samples)
@@ -274,11 +280,11 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             u: uniform random numbers that pick them.
             active: where it is wanted.
         """
-        found = first_hit(self.surfaces.all, ray, active=active)
+        found = first_hit(self.surfaces.seen, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
         on_synthetic = active & found.is_valid() & ~on_real
         hit = self.surfaces.real_hit(ray, found, on_real)
-        si = interaction(self.surfaces.all, found, ray, on_synthetic)
+        si = interaction(self.surfaces.seen, found, ray, on_synthetic)
         on_support = on_real & self.surfaces.scatters(hit) & (dr.dot(hit.normal, ray.d) < 0.0)
         in_difference = on_support & (hit.kind != int(FaceKind.RELIT))
         rho, specular_scale = self._reflectance(hit, ray.d, on_support)

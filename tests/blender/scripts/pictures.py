@@ -172,6 +172,7 @@ def holes(scene):
     look(where, (1.0, 0.5, -0.35))
     yield DRAWN
     window.scroll_sidebar(where, 12)
+    window.move(where, 200, 300)
     yield 5 * DRAWN
     window.picture(folder / "holes.png")
     walls.data = kept
@@ -189,6 +190,7 @@ def viewport(scene):
     monkey.select_set(True)
     bpy.context.view_layer.objects.active = monkey
     look(where, (0.15, 1.0, -0.9))
+    window.move(where, 200, 300)  # away from buttons, which would show what they do
     properties = next(area for area in where["window"].screen.areas if area.type == "PROPERTIES")
     properties.spaces.active.context = "VIEW_LAYER"
     before, space.shading.type = space.shading.type, "RENDERED"
@@ -219,6 +221,8 @@ def render(scene):
     for _ in range(4):  # as far as it is drawn, each time
         window.scroll_sidebar(where, 15)
         yield DRAWN
+    window.move(where, 200, 300)
+    yield DRAWN
     window.picture(folder / "cameras.png")
     bpy.data.objects.remove(dome)
     scene.camera, (scene.render.resolution_x, scene.render.resolution_y) = camera, size

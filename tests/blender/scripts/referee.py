@@ -784,6 +784,19 @@ def area_lamp_from_behind(s):
 
 
 @scene()
+def lamp_in_the_picture(s):
+    """Between camera and ball, and mirrored by it; cameras do not see lamps unless they are told to."""
+    lit(s, "POINT", (0.1, 0.8, 1.25), energy=8.0, shadow_soft_size=0.1)
+    ball(principled(Metallic=1.0, Roughness=0.2), MIDDLE + Vector((-0.5, 0.1, 0)), 0.25)
+
+
+@scene()
+def lamp_that_cameras_see(s):
+    lamp_in_the_picture(s)
+    bpy.data.objects["Lamp"].visible_camera = True
+
+
+@scene()
 def hard_spot(s):
     lit(s, "SPOT", (0.5, 0.5, 2.4), energy=200.0, shadow_soft_size=0.03, spot_size=0.8, spot_blend=0.0)
 

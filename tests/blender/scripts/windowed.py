@@ -261,6 +261,12 @@ def preview():
     found["preview's renderer"] = renderers()
     ball.location.x += 0.3
     yield from look("moved")
+    blur = scene.camera.data.dof
+    blur.use_dof, blur.aperture_fstop, blur.focus_distance = True, 2.8, 2.0
+    yield from until(lambda: settled(live()) and all("aperture" in text for text, _ in live()._asked[1:]))
+    blur.use_dof = False
+    yield from until(lambda: settled(live()) and not any("aperture" in text for text, _ in live()._asked[1:]))
+    number[0] = live()._preview.picture.number
     view.view_perspective, view.view_location, view.view_distance = "PERSP", ball.location.copy(), 1.5
     view.view_rotation = Vector((0.4, 0.8, -0.5)).to_track_quat("-Z", "Y")
     yield from look("turned")
