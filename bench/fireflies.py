@@ -96,11 +96,12 @@ def _compared(frame: Frame, noisy: Frame, reference: Frame) -> list[str]:
     mean = true.mean()
     error = np.sqrt(((np.minimum(seen, WHITE * mean) - np.minimum(true, WHITE * mean)) ** 2).mean()) / mean
     spots = (seen > BRIGHT * true) & (seen > true + VISIBLE * mean)
-    lights = [
-        f"{100.0 * (getattr(frame, layer).sum(dtype=np.float64) / own - 1.0):+.2f} %"
-        for layer in ("synthetic", "change")
-        if (own := getattr(noisy, layer).sum(dtype=np.float64))
-    ]
+    lights = []
+    for layer in ("synthetic", "change"):
+        # A change's two signs cancel in part: what is lost counts against the sum of both.
+        now, before = (getattr(each, layer).sum(dtype=np.float64) for each in (frame, noisy))
+        whole = np.abs(getattr(reference, layer)).sum(dtype=np.float64)
+        lights.append(f"{100.0 * (now - before) / whole:+.2f} %")
     return [f"{100.0 * error:.2f} %", str(int(spots.sum())), *lights]
 
 
