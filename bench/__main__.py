@@ -161,6 +161,18 @@ def boxes(quick: Annotated[bool, typer.Option(help="Only the photographs and six
     _print_table(table)
 
 
+@app.command()
+def fireflies(quick: Annotated[bool, typer.Option(help="Only the first place.")] = False) -> None:
+    """Fireflies left in denoised first pictures, and the light that denoising loses; write bench/results/fireflies.json."""
+    from bench.fireflies import fireflies as measure
+    from bench.run import RESULTS
+
+    table = measure(quick, console)
+    if not quick:
+        (RESULTS / "fireflies.json").write_text(json.dumps(table, indent=1, ensure_ascii=False) + "\n")
+    _print_table(table)
+
+
 def _print_table(table: dict[str, Any]) -> None:
     console.print(f"\n{table['title']}", markup=False)
     for row in [table["head"], *table["rows"]]:

@@ -189,30 +189,19 @@ def shared(scene: Scene, place: Place, moving: str, count: int, spent: Spent, re
     return sampled[0].frame, reuse(sampled[0].frame, sampled[0], sides)
 
 
-def _picture(frame: Frame, empty: Estimate, moving: str, change: bool = False) -> NDArray[np.float64]:
-    """The picture; where the camera stands, on the path-traced empty place, so that its error is that of the new light.
-
-    Args:
-        frame: with motion blur.
-        empty: the path-traced place.
-        moving: ``objects`` or ``camera``.
-        change: on the path-traced place in any case: without the photograph's own error, but with that at rims.
-    """
+def _picture(frame: Frame, empty: Estimate, moving: str) -> NDArray[np.float64]:
+    """The picture; where the camera stands, on the path-traced empty place, so that its error is that of the new light."""
     if moving == "camera":
-        picture = frame.beauty.astype(np.float64)
-        return picture - frame.plate + empty.mean if change else picture
+        return frame.beauty.astype(np.float64)
     return empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
 
 
-def errors(frame: Frame, full: Estimate, empty: Estimate, moving: str, change: bool = False) -> tuple[float, float]:
-    """Relative root mean square error, without the noise of the truth, and signed error, of the pixels that change.
-
-    The arguments are those of :func:`_picture`.
-    """
-    image = _picture(frame, empty, moving, change)
+def errors(frame: Frame, full: Estimate, empty: Estimate, moving: str) -> tuple[float, float]:
+    """Relative root mean square error, without the noise of the truth, and signed error, of the pixels that change."""
+    image = _picture(frame, empty, moving)
     changed = (np.abs(full.mean - empty.mean).max(axis=2) > 0.05 * empty.mean.mean()) | (full.coverage > 0.0)
     error = (image - full.mean)[changed]
-    noise = full.variance[changed].mean() + (empty.variance[changed].mean() if change or moving == "objects" else 0.0)
+    noise = full.variance[changed].mean() + (empty.variance[changed].mean() if moving == "objects" else 0.0)
     level = full.mean[changed].mean()
     return float(np.sqrt(max((error**2).mean() - noise, 0.0)) / level), float(error.mean() / level)
 

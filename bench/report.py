@@ -15,6 +15,7 @@ from bench.pictures import plot_convergence, show_side_by_side
 from bench.run import RESULTS
 
 CAPTURES = RESULTS / "captures.json"
+BOXES = RESULTS / "boxes.json"
 DOCS = Path(__file__).parents[1] / "docs"
 REGION_TITLES = {
     "objects": "On objects",
@@ -92,6 +93,7 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
     lines += missing_light()
     lines += _foreign()
     lines += _captures()
+    lines += _boxes()
     lines.append("## Settings of the methods\n")
     lines += [f"- {results['labels'][key]}: {text}." for key, text in results["settings"].items()]
     path = DOCS / "benchmarks.md"
@@ -243,6 +245,21 @@ def _captures() -> Iterator[str]:
         yield f"**{table['title']}**\n"
         yield _table(table["head"], table["rows"])
         yield f"![Truth, and one, two and three captures, along the way](pictures/{table['picture']})\n"
+
+
+def _boxes() -> Iterator[str]:
+    """The first guess of a room's box, which ``python -m bench boxes`` measured."""
+    table = json.loads(BOXES.read_text()) if BOXES.is_file() else None
+    if table:
+        yield "## The guessed box of a room\n"
+        yield (
+            "Measured with `python -m bench boxes`: the box that `lightdepth new` fits, given the camera's height. Walls "
+            "of photographed rooms were read off by hand (`bench/places/photographed_rooms.toml`). Of the benchmark's "
+            "places these are the four that are boxes, path-traced and denoised. The furnished rooms are random, painted "
+            "instead of lit, and harder than most: much of their floor's edges is behind furniture.\n"
+        )
+        yield f"**{table['title']}**\n"
+        yield _table(table["head"], table["rows"])
 
 
 def _cost(cost: dict[str, Any]) -> Iterator[str]:

@@ -111,9 +111,10 @@ def run(*arguments: object) -> str:
     return result.output
 
 
-def begin_scene(folder: Path, image: Path, width: int) -> Path:
+def begin_scene(folder: Path, image: Path, width: int, **settings: int) -> Path:
     path = folder / "scene.toml"
-    path.write_text(SCENE.format(image=image, width=width, height=width * 3 // 4))
+    render = "".join(f"{name} = {value}\n" for name, value in settings.items())
+    path.write_text(SCENE.format(image=image, width=width, height=width * 3 // 4) + f"\n[render]\n{render}")
     return path
 
 
@@ -215,7 +216,7 @@ def test_brackets_of_a_360_degree_camera_become_a_picture_with_objects(tmp_path,
     panorama = room.trace(room.panorama_view(width), 32, seed=2).mean.astype(np.float32)
     image = tmp_path / "room.exr"
     run("capture", "merge", *bracketed(panorama, tmp_path / "photos"), "-o", image)
-    scene = begin_scene(tmp_path, image, 96)
+    scene = begin_scene(tmp_path, image, 96, irradiance_samples=128)
     calibrated(scene, image, width)
     reconstructed(scene, width)
     run("check", scene)

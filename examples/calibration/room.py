@@ -40,6 +40,8 @@ DOOR = (0.2, 1.1, 2.05)
 WINDOW = (0.3, 2.3, 0.9, 2.2)
 """The window's sides, sill and top on the wall at the far end of y, along x and z, metres."""
 LAMP = np.array([1.0, 1.5, 2.5])
+BAND = 8
+"""Rows of a panorama that are computed together."""
 PHOTO = Perspective(type="perspective", width=1200, height=800, fov=72, distortion=(-0.16, 0.03))
 """The camera of the ordinary photograph."""
 PHOTO_POSITION = np.array([-1.1, -1.7, 1.4])
@@ -56,8 +58,12 @@ def pixels(
 
 def radiance(width: int, position: FloatArray = POSITION, rotation: FloatArray = ROTATION) -> np.ndarray:
     """The panorama, two samples across each pixel, linear RGB, shape (width / 2, width, 3), float32."""
-    colour = _seen(pixel_directions(width, 2 * width) @ euler_rotation(rotation).T, position)
-    return colour.reshape(width // 2, 2, width, 2, 3).mean(axis=(1, 3)).astype(np.float32)
+    directions, to_world = pixel_directions(width, 2 * width), euler_rotation(rotation).T
+    picture = np.empty((width // 2, width, 3), np.float32)
+    for top in range(0, width // 2, BAND):  # Small arrays stay in the processor's cache.
+        colour = _seen(directions[2 * top : 2 * (top + BAND)] @ to_world, position)
+        picture[top : top + BAND] = colour.reshape(-1, 2, width, 2, 3).mean(axis=(1, 3))
+    return picture
 
 
 def photo_pixels(points: FloatArray) -> FloatArray:

@@ -36,9 +36,10 @@ NEWEST = {
     "test_usd",
     "test_window",
     "test_a_moving_ball_is_blurred_as_in_cycles",
+    "test_no_renderer_is_left_behind",
 }
 """Slow tests and modules of such to which Blender's version makes no difference: they run in the newest that is there."""
-ENDS = {"test_real_lights", "test_referee"}
+ENDS = {"test_frames", "test_real_lights", "test_referee"}
 """Slow modules in which versions differ by what Blender added or removed: they run in the oldest and in the newest."""
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from lightdepth.checks import Severity, inspect_scene
+from lightdepth.checks.plate import gain_problems
 from lightdepth.cli.check import _plate
 from lightdepth.scene.model import Plate, Scene
 from tests.film.test_plate import GAIN, VIEW, plate_of
@@ -45,3 +46,17 @@ def test_another_picture_is_an_error(scene):
     errors = [problem.message for problem in found.problems if problem.severity is Severity.ERROR]
     assert any("differs from the panoramas by" in message or "contrast is" in message for message in errors)
     assert found.plate is None
+
+
+def test_gains_that_differ_from_frame_to_frame_flicker(scene):
+    """A filmed plate one frame of which is 3 % brighter: a warning, with the gain that the others have."""
+    reports = [inspect_scene(scene, hints=False).plate] * 2
+    assert not gain_problems(reports)
+    brighter = replace(scene, plate=replace(scene.plate, radiance=scene.plate.radiance * np.float32(1.03)))
+    [problem] = gain_problems([*reports, inspect_scene(brighter, hints=False).plate])
+    assert problem.severity is Severity.WARNING
+    assert "by up to 3.0 %" in problem.message
+    gain = [float(value) for value in problem.message.split("[")[2].split("]")[0].split(",")]
+    assert gain == pytest.approx(reports[0].gain, rel=1e-3)
+    held = replace(brighter, plate=replace(brighter.plate, gain=tuple(gain)))
+    assert not gain_problems([*reports[:1], inspect_scene(held, hints=False).plate])

@@ -54,7 +54,7 @@ def scene(tmp_path_factory):
     write_exr(folder / "room.exr", [ExrPart(dict.fromkeys("RGB", radiance))])
     edit(scene, "width = 16\nheight = 9", "width = 64\nheight = 36\nposition = [0, 0, 1.3]\nlook_at = [0.5, 1, 0.3]")
     with scene.open("a") as file:
-        file.write("\n[render]\nsamples = 16\nirradiance_samples = 256\nclamp_indirect = 5.0\n")
+        file.write("\n[render]\nsamples = 16\nirradiance_samples = 16\nclamp_indirect = 5.0\n")
     return scene
 
 

@@ -14,7 +14,7 @@ from lightdepth.film.layers import read_frame
 from .room_folder import edit, make_room
 
 PROGRAM = [sys.executable, "-c", "from lightdepth.cli.app import main; main()"]
-KILLS = 6
+KILLS = 4
 SMALL_PASSES = """
 [render.parameters.film]
 paths_at_once = 4096
@@ -29,7 +29,7 @@ def scene(tmp_path_factory):
     scene = make_room(tmp_path_factory.mktemp("room"))
     edit(scene, "width = 16\nheight = 9", "width = 64\nheight = 36\nposition = [0, 0, 1.3]\nlook_at = [0.5, 1, 0.3]")
     with scene.open("a") as file:
-        file.write("\n[render]\nsamples = 128\nirradiance_samples = 64\n" + SMALL_PASSES)
+        file.write("\n[render]\nsamples = 128\nirradiance_samples = 16\n" + SMALL_PASSES)
     return scene
 
 

@@ -219,11 +219,13 @@ def test_a_lamp_and_a_window_are_recovered_from_how_their_light_falls_off():
         true = (whole.radiance * (angles * each.plateau.pixels)[..., None]).sum(axis=(0, 1))
         np.testing.assert_allclose(each.irradiance, true, rtol=0.12)
 
-    # The same from places of known albedo, which are solved for both sources at once.
+    # The same from places of known albedo, before the window, under the lamp and between: both are solved at once.
     cut = Scene(replace(whole, radiance=np.minimum(whole.radiance, limit)), real)
     floor, albedo = next((part.mesh, part.color) for part in place.parts if part.name == "floor")
-    low, high = floor.vertices.min(axis=0), floor.vertices.max(axis=0)
-    places = [[*(low + share * (high - low))[:2], 0.0] for share in np.array([[0.2, 0.2], [0.8, 0.3], [0.5, 0.85]])]
+    low, high = floor.vertices[:, :2].min(axis=0), floor.vertices[:, :2].max(axis=0)
+    places = [
+        [*(low + share * (high - low)), 0.0] for share in np.array([[0.1, 0.6], [0.7, 0.63], [0.4, 0.8], [0.6, 0.2]])
+    ]
     grey = [f"{x:.2f},{y:.2f} {' '.join(map(str, albedo))}" for x, y in PanoramaView(cut).pixels(np.array(places))]
     found = recover_clipped(cut, grey=grey)
     assert [each.method for each in found] == ["known albedo", "known albedo"]

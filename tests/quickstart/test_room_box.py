@@ -25,6 +25,14 @@ def test_a_painted_room_is_found_within_three_percent(fitted):
     np.testing.assert_allclose([low, high], [LOW, HIGH], atol=0.1)
 
 
+def test_noise_does_not_hide_the_rooms_directions():
+    radiance = painted_room(256)
+    grain = np.exp(0.2 * np.random.default_rng(0).standard_normal(radiance.shape[:2]))[..., None]
+    frame = find_room_frame(detect_arcs((radiance * grain).astype(np.float32)))
+    assert frame.confidence > 0.9
+    assert np.degrees(np.arccos(np.clip((np.trace(frame.rotation @ euler_rotation(ROTATION).T) - 1) / 2, -1, 1))) < 0.5
+
+
 def test_its_edges_are_evident(fitted):
     assert fitted[1].is_likely
     assert fitted[1].evidence > 0.7

@@ -103,7 +103,7 @@ def test_support_is_wound_to_face_the_capture_point():
     surfaces = merge_real_surfaces(scene.real)
     inside_out = surfaces.__class__(**{**surfaces.__dict__, "faces": surfaces.faces[:, ::-1].copy()})
     place = Place(scene.panorama, TracedSurfaces(inside_out))
-    refined, _ = recover_irradiance(place, inside_out, np.random.default_rng(2), 1024)
+    refined, _ = recover_irradiance(place, inside_out, np.random.default_rng(2), 16)
     corners = refined.vertices[refined.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     assert ((normals * (CAPTURE - corners.mean(axis=1))).sum(axis=1) > 0).all()

@@ -3,11 +3,14 @@
 import json
 import subprocess
 import sys
+import threading
+import time
 
 import pytest
 
 from lightdepth.film.frame import EXPOSURE
 from lightdepth.film.layers import read_frame
+from lightdepth.serve.worker import Worker
 from lightdepth.session.events import SCHEMA
 from tests.cli.room_folder import edit, make_room
 
@@ -60,7 +63,7 @@ def folder(tmp_path_factory):
     scene = make_room(folder)
     edit(scene, "width = 16\nheight = 9", "width = 64\nheight = 36\nposition = [0, 0, 1.3]\nlook_at = [0.5, 1, 0.3]")
     with scene.open("a") as file:
-        file.write("\n[render]\nsamples = 4\nirradiance_samples = 256\n")
+        file.write("\n[render]\nsamples = 4\nirradiance_samples = 16\n")
     return folder
 
 
@@ -146,6 +149,31 @@ def test_a_worker_ends_with_its_input_whatever_it_is_doing(folder, client):
     client.until("progress", name="a")
     status, _ = client.end()
     assert status == 0
+
+
+def test_an_id_is_free_as_soon_as_the_end_of_its_request_is_told():
+    told, ended, asked = [], threading.Event(), threading.Event()
+
+    def answer(line):
+        told.append(json.loads(line))
+        if told[-1]["event"] == "failure" and not ended.is_set():
+            ended.set()
+            assert asked.wait(60)  # The other side is faster than this one.
+
+    def lines():
+        request = {"request": "render", "id": "a", "scene": "nowhere.toml", "output": "x.exr"}
+        yield json.dumps(HELLO)
+        yield json.dumps(request)
+        assert ended.wait(60)
+        yield json.dumps(request)
+        asked.set()
+        while sum(event["event"] == "failure" for event in told) < 2:
+            time.sleep(0.01)
+
+    Worker(answer).serve(lines())
+    failures = [event["message"] for event in told if event["event"] == "failure"]
+    assert len(failures) == 2
+    assert all("nowhere.toml: no such file" in message for message in failures)
 
 
 @pytest.mark.parametrize(

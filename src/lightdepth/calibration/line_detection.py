@@ -22,6 +22,14 @@ VIEWS = tuple(
 
 LARGEST_WIDTH = 2048
 SHORTEST_DEGREES = 1.5
+NOISY = 2.0
+"""Standard deviation of the noise, of 255 levels, above which a picture is denoised: more would break edges up."""
+STRENGTH = 1.2
+"""Of the denoising, in standard deviations of the noise."""
+LAPLACIAN = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6.0
+"""Answers to noise with its own standard deviation, and neither to slopes nor to straight edges along rows or columns."""
+QUARTILE = 0.3186
+"""Of the absolute value of a normal distribution of standard deviation 1."""
 
 
 def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None] = lambda share: None) -> Arcs:
@@ -39,7 +47,7 @@ def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None]
     """
     if radiance.shape[1] > LARGEST_WIDTH:
         radiance = cv2.resize(radiance, (LARGEST_WIDTH, LARGEST_WIDTH // 2), interpolation=cv2.INTER_AREA)
-    brightness = display_brightness(radiance)
+    brightness = _without_noise(display_brightness(radiance))
     half_width = np.tan(np.radians(VIEW_DEGREES / 2))
     # A little finer than the panorama at the view's centre.
     size = round(1.3 * 2 * half_width * brightness.shape[1] / (2 * np.pi))
@@ -72,6 +80,18 @@ def display_brightness(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     low = max(low, high - 10.0)  # Ten stops: what is darker holds noise, not edges.
     brightness = (np.log2(np.maximum(luminance, 1e-30)) - low) / max(high - low, 1e-6)
     return np.clip(brightness, 0.0, 1.0).astype(np.float32)
+
+
+def _without_noise(brightness: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A panorama's brightness in [0, 1], with non-local means (Buades et al. 2011) where there is much noise."""
+    # The calmest quarter of the picture: what is left of texture and edges there is least (Immerkaer 1996).
+    noise = 255.0 * float(np.percentile(np.abs(cv2.filter2D(brightness, -1, LAPLACIAN)), 25.0)) / QUARTILE
+    if noise <= NOISY:
+        return brightness
+    margin = 16
+    around = np.pad(np.rint(brightness * 255.0).astype(np.uint8), ((0, 0), (margin, margin)), mode="wrap")
+    clean = cv2.fastNlMeansDenoising(around, None, STRENGTH * noise, 5, 21)
+    return np.asarray(clean[:, margin:-margin], np.float32) / np.float32(255.0)
 
 
 def sample_panorama(image: NDArray[np.float32], directions: FloatArray) -> NDArray[np.float32]:

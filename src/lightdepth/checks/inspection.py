@@ -18,7 +18,7 @@ from lightdepth.checks.gloss import gloss_problems
 from lightdepth.checks.lights import light_problems
 from lightdepth.checks.objects import object_problems, standing_problems
 from lightdepth.checks.photographs import PhotographReport, compare_photographs, panorama_name, panorama_table
-from lightdepth.checks.plate import PlateReport, compare_plate
+from lightdepth.checks.plate import PlateReport, compare_plate, gain_problems
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.radiance import radiance_problems
 from lightdepth.checks.removed import removed_problems
@@ -85,14 +85,15 @@ def _inspect_contents(contents: Contents, hints: bool = True) -> Inspection:
 
 def _inspect_frames(frames: SceneFrames, hints: bool = True) -> Inspection:
     looked_at, findings, first = frames_to_check(frames), Findings(), Inspection((), None)
-    wrong_tables = frames.table_problems()
+    wrong_tables, plates = frames.table_problems(), []
     for frame in looked_at:
         found = _inspect_contents(frames.contents(frame), hints)
+        plates += [] if found.plate is None else [found.plate]
         first = first if first.coverage is not None else found
         # Those of the tables are known, with their frames.
         findings.add(frame, [problem for problem in found.problems if problem.message not in wrong_tables])
     tables = [Problem(Severity.ERROR, message) for message in wrong_tables]
-    return replace(first, problems=(*tables, *findings.all(looked_at)))
+    return replace(first, problems=(*tables, *gain_problems(plates), *findings.all(looked_at)))
 
 
 def frames_problems(frames: SceneFrames) -> list[Problem]:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.kernel.start import start
@@ -10,6 +13,10 @@ from lightdepth.scene.model import Scene
 
 WORTH_A_WARNING, WORTH_A_HINT = 0.4, 0.2
 """Shares of what the plate has in common with the panoramas that disagree."""
+
+
+FLICKERS = 0.005
+"""Relative range of the gains of a sequence's frames from which on objects would be seen to change."""
 
 
 @dataclass(frozen=True)
@@ -76,3 +83,22 @@ def compare_plate(scene: Scene) -> tuple[list[Problem], PlateReport | None]:
             )
         )
     return problems, report
+
+
+def gain_problems(reports: Sequence[PlateReport]) -> list[Problem]:
+    """What is wrong with the gains of the plates of a sequence, each of which is solved by itself."""
+    gains = np.array([report.gain for report in reports if not report.given])
+    if len(gains) < 2:
+        return []
+    low, high, middle = gains.min(axis=0), gains.max(axis=0), np.median(gains, axis=0)
+    spread = float((high / low).max()) - 1.0
+    if spread <= FLICKERS:
+        return []
+    one = ", ".join(f"{value:.4g}" for value in middle)
+    return [
+        Problem(
+            Severity.WARNING,
+            f"[plate]: its gain is solved for every frame, and the new objects will flicker with it, by up to "
+            f"{100.0 * spread:.1f} %; unless the exposure of the plate does change, write gain = [{one}], the median",
+        )
+    ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, MutableMapping
 from dataclasses import dataclass, fields
 
 import drjit as dr
@@ -15,7 +15,7 @@ from lightdepth.film.light_image import LightImage
 from lightdepth.kernel.arrays import aligned
 from lightdepth.transport.integrator import CameraSums
 
-PIXELS_AT_ONCE = 1 << 20
+PIXELS_AT_ONCE = 1 << 18
 AROUND = 9
 """Pixels side by side whose mean brightness stands for that of a pixel with a single sample."""
 
@@ -78,23 +78,25 @@ class Accumulator:
         self.taken[slots] += counts.astype(np.uint32)
 
     def sums(self) -> dict[str, NDArray[np.float32]]:
-        """Copies of the sums: ``change``, ``synthetic``, ``squares``, shape (n, 3), and ``covered``, shape (n,)."""
-        sums = self._sums()
-        named = {"change": sums.change, "synthetic": sums.synthetic, "squares": sums.variance, "covered": sums.coverage}
-        return {name: values.copy() for name, values in named.items()}
+        """The sums ``change``, ``synthetic``, ``squares``, shape (n, 3), and ``covered``, shape (n,).
 
-    def restore(self, taken: NDArray[np.uint32], sums: Mapping[str, NDArray[np.float32]]) -> None:
+        They are where they lie, to be used before more is added: of a large image, copies count.
+        """
+        sums = self._sums()
+        return {"change": sums.change, "synthetic": sums.synthetic, "squares": sums.variance, "covered": sums.coverage}
+
+    def restore(self, taken: NDArray[np.uint32], sums: MutableMapping[str, NDArray[np.float32]]) -> None:
         """Replace the sums.
 
         Args:
             taken: number of samples of each pixel of the list, shape (n,).
-            sums: from :meth:`sums`.
+            sums: from :meth:`sums`; they are taken out one by one.
         """
         self.taken[:] = taken
         if len(self._pixels):
             names = ("change", "synthetic", "squares", "covered")
             self._change, self._synthetic, self._squares, self._covered = (
-                mi.Float(aligned(sums[name]).reshape(-1)) for name in names
+                mi.Float(aligned(sums.pop(name)).reshape(-1)) for name in names
             )
 
     def estimates(self, finish: bool = False) -> Estimates:
@@ -124,23 +126,21 @@ class Accumulator:
         """
         errors = np.empty(len(self._pixels), np.float32)
         for part, means in self._means(self._sums(), with_light):
-            plate = self._plate[self._pixels[part]]
-            beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
-            brightness = np.maximum(beauty.mean(axis=1), 0.0) + np.float32(floor)
-            errors[part] = np.sqrt(means.variance.mean(axis=1)) / brightness**exponent
+            errors[part] = np.sqrt(means.variance.mean(axis=1)) / self._brightness(means, part, floor) ** exponent
         return errors
 
-    def single_sample_errors(self, floor: float) -> NDArray[np.float32]:
-        """Estimated relative error of pixels that have one sample each, shape (n,), float32; 0 of all others.
+    def include_single_samples(self, errors: NDArray[np.float32], floor: float) -> None:
+        """Raise relative errors, in place, to what they are at least of pixels that have one sample each.
 
         A single sample does not tell its own variance, but neighbours do: half the squared difference of two that show
         the same kind of surface, as far as they show the same.
 
         Args:
+            errors: shape (n,), of :meth:`relative_errors`.
             floor: radiance that is added to the brightness.
         """
         count, beside = len(self._pixels), AROUND // 2
-        errors = np.zeros(count, np.float32)
+        unknown = np.zeros(count, bool)
         total, pairs = 0.0, 0
         for first in range(0, count, PIXELS_AT_ONCE):
             last = min(first + PIXELS_AT_ONCE, count)
@@ -156,20 +156,31 @@ class Accumulator:
             around = np.convolve(brightness, np.full(AROUND, 1.0 / AROUND), "same")[pair] + floor
             squared = 0.5 * np.square((grey[pair + 1] - grey[pair]) / around)
             total, pairs = total + float(squared.sum()), pairs + len(pair)
-            errors[first:last][single[first - part.start : last - part.start]] = np.nan
-            errors[part][pair] = np.sqrt(squared)
-        errors[np.isnan(errors)] = math.sqrt(total / pairs) if pairs else math.inf
-        return errors
+            unknown[first:last] = single[first - part.start : last - part.start]
+            pair += part.start
+            unknown[pair] = False
+            errors[pair] = np.maximum(errors[pair], np.sqrt(squared))
+        least = np.float32(math.sqrt(total / pairs) if pairs else math.inf)
+        np.maximum(errors, least, out=errors, where=unknown)
 
-    def change_and_brightness(self, floor: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Size of the change of each pixel, and its brightness with ``floor`` added, each shape (n,), float32."""
-        change, brightness = (np.empty(len(self._pixels), np.float32) for _ in range(2))
+    def relative_changes(self, floor: float, factor: float) -> NDArray[np.float32]:
+        """Size of the change of each pixel relative to its brightness with ``floor`` added, times a factor, shape (n,)."""
+        changes = np.empty(len(self._pixels), np.float32)
         for part, means in self._means(self._sums()):
-            plate = self._plate[self._pixels[part]]
-            beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
-            change[part] = np.abs(means.change).mean(axis=1)
-            brightness[part] = np.maximum(beauty.mean(axis=1), 0.0) + np.float32(floor)
-        return change, brightness
+            changes[part] = factor * np.abs(means.change).mean(axis=1) / self._brightness(means, part, floor)
+        return changes
+
+    def brightnesses(self, floor: float) -> NDArray[np.float32]:
+        """Brightness of each pixel with ``floor`` added, shape (n,)."""
+        brightnesses = np.empty(len(self._pixels), np.float32)
+        for part, means in self._means(self._sums()):
+            brightnesses[part] = self._brightness(means, part, floor)
+        return brightnesses
+
+    def _brightness(self, means: Estimates, part: slice, floor: float) -> NDArray[np.float32]:
+        plate = self._plate[self._pixels[part]]
+        beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
+        return np.maximum(beauty.mean(axis=1), 0.0) + np.float32(floor)
 
     def _sums(self) -> Estimates:
         """The sums where they lie, with squares in place of the variance; on a GPU, a copy of them."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import MutableMapping
 
 import drjit as dr
 import mitsuba as mi
@@ -88,21 +88,24 @@ class LightImage:
         return splats
 
     def sums(self) -> tuple[dict[str, NDArray[np.float32]], int]:
-        """Copies of ``light_change``, ``light_synthetic``, shape (n, 3), and ``light_squares``, (n,); how many paths."""
-        named = {"light_change": self._change, "light_synthetic": self._synthetic, "light_squares": self._squares}
-        return {name: values.copy() for name, values in named.items()}, self.count
+        """``light_change``, ``light_synthetic``, shape (n, 3), and ``light_squares``, (n,); how many paths they are of.
 
-    def restore(self, sums: Mapping[str, NDArray[np.float32]], count: int, begun: int, blocks: int) -> None:
+        They are where they lie, to be used before more is added.
+        """
+        named = {"light_change": self._change, "light_synthetic": self._synthetic, "light_squares": self._squares}
+        return named, self.count
+
+    def restore(self, sums: MutableMapping[str, NDArray[np.float32]], count: int, begun: int, blocks: int) -> None:
         """Replace the sums.
 
         Args:
-            sums: from :meth:`sums`.
+            sums: from :meth:`sums`; they are taken out one by one.
             count: light paths that they are of.
             begun: light paths of all shares so far.
             blocks: how many blocks these were.
         """
-        self._change[:], self._synthetic[:] = sums["light_change"], sums["light_synthetic"]
-        self._squares[:] = sums["light_squares"]
+        self._change[:], self._synthetic[:] = sums.pop("light_change"), sums.pop("light_synthetic")
+        self._squares[:] = sums.pop("light_squares")
         self.count, self.begun, self.blocks = count, begun, blocks
 
     def _connect(self, point: mi.Point3f, sampler: Sampler) -> Connection:
@@ -118,7 +121,9 @@ class LightImage:
         slot = row * self._width + column
         if self._slots is not None:
             slot = self._slots[slot]
-        values, on_object = splats.radiance.numpy().T[valid], splats.on_object.numpy()[valid]
+        # Channel by channel, for which there is nothing to compile: an array of all has its length in a kernel.
+        values = np.stack([channel.numpy()[valid] for channel in splats.radiance], axis=1)
+        on_object = splats.on_object.numpy()[valid]
         useful = (slot != NOWHERE) & np.isfinite(values).all(axis=1)
         # One after the other in the order of the paths, so that the same paths always give the same image.
         for sums, chosen in ((self._change, useful & ~on_object), (self._synthetic, useful & on_object)):

@@ -87,7 +87,7 @@ class PictureError:
         with DEVICE_LOCK:
             errors = self._accumulator.relative_errors(self._dark)
             if (self._accumulator.taken == 1).any():  # As in a draft.
-                np.maximum(errors, self._accumulator.single_sample_errors(self._dark), out=errors)
+                self._accumulator.include_single_samples(errors, self._dark)
             return errors
 
     def reducible(self, contrast: float) -> NDArray[np.float32]:
@@ -102,10 +102,8 @@ class PictureError:
         if not math.isfinite(irradiance) or irradiance == 0.0:
             return 0.0, rest
         with DEVICE_LOCK:
-            change, brightness = self._accumulator.change_and_brightness(self._dark)
-        change *= irradiance
-        change /= brightness
-        return np.square(change, out=change), rest
+            variance = self._accumulator.relative_changes(self._dark, irradiance)
+        return np.square(variance, out=variance), rest
 
     def light_list(self) -> float:
         """Relative error that the light lists so far give all pixels."""
@@ -135,7 +133,7 @@ class PictureError:
             probes = min(probes, parameters.most_probes)
             slots, chance = _drawn(own, probes, generator)
             del own
-            brightness = self._accumulator.change_and_brightness(self._dark)[1]
+            brightness = self._accumulator.brightnesses(self._dark)
             light_list = light_list_error(
                 integrator,
                 self._prepared.place,

@@ -264,6 +264,7 @@ class Rendering:
     def sums(self) -> PixelSums:
         """The sums so far of this share's pixels, and of its paths from the light for all pixels."""
         named, light_count = self._all_sums()
+        named = {name: values.copy() for name, values in named.items()}
         taken, mine = self._accumulator.taken.copy(), self.share.owns(np.arange(len(self.pixels)))
         for name in ("change", "synthetic", "squares", "covered"):
             named[name][~mine] = 0.0
@@ -315,9 +316,12 @@ class Rendering:
             raise InputError(f"what was computed before is of another picture: it is of {difference}")
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """All that this rendering's future depends on: plain values, and arrays by name. See :meth:`restore`."""
+        """All that this rendering's future depends on: plain values, and arrays by name. See :meth:`restore`.
+
+        The arrays are to be used before it goes on: they are where they lie in memory.
+        """
         named, light_count = self._all_sums()
-        named |= {"pixels": self.pixels, "taken": self._accumulator.taken.copy()}
+        named |= {"pixels": self.pixels, "taken": self._accumulator.taken}
         this = self._round
         sampling, sampled = self._sampling.state()
         header: dict[str, Any] = {
@@ -336,6 +340,8 @@ class Rendering:
 
     def restore(self, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
         """Go on from a :meth:`state`, which may be another process's: the image becomes the same, bit for bit.
+
+        Large arrays are taken out of ``arrays`` one by one.
 
         Raises:
             InputError: it is the state of another picture.

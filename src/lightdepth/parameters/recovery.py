@@ -39,6 +39,7 @@ class RecoveryParameters:
         same_plane: metres from a face's plane up to which a point belongs to it.
         parallel: cosine between normals from which on a point belongs to a face's plane.
         same_plane_weight: how much more such a point counts for the face's albedo.
+        same_piece_weight: how much more yet if it is on the same connected mesh: a rug is not coloured as the floor is.
         alike: how much less surfaces count for each other that are not both walls, both floors, or both ceilings.
         glowing_share: of a face that must glow at least for it to count as glowing: beside an occluder, pixels mix the two.
         largest_albedo: of unseen surfaces.
@@ -78,6 +79,7 @@ class RecoveryParameters:
     same_plane: NotNegative = 0.1
     parallel: Share = 0.95
     same_plane_weight: Positive = 100.0
+    same_piece_weight: Positive = 10.0
     alike: Positive = 8.0
     glowing_share: Share = 0.1
     largest_albedo: Share = 1.0

@@ -41,6 +41,8 @@ BEFORE = 0.9
 """Times the model's distance; where several photographs are weighed, what was measured nearer is something else."""
 REMOVED_RIM = 2
 """Pixels of the map around what is removed that count as showing it."""
+OWN_DEPTH = 4.0
+"""Times nearer to the depth of what is removed than to that of what stays there, a point is taken to be removed."""
 CLEARLY_BEFORE = 2.0
 """Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
 
@@ -431,7 +433,7 @@ class Photograph(Photographed):
     def _mapped_depth(self, w0: mi.Vector3f, depth: mi.Float) -> mi.Float:
         """``z(w0)`` of unit directions in light space, metres, inf for sky; 0 where what is removed hides a point.
 
-        Near its foot its depth and that of the floor are nearly the same: a point belongs to the nearer of the two.
+        Near its foot its depth and that of the floor are nearly the same.
 
         Args:
             w0: the directions.
@@ -447,7 +449,7 @@ class Photograph(Photographed):
         if self._stays is None:
             return mapped
         stays = dr.gather(mi.Float, self._stays, pixel)
-        hidden = (stays > 0.0) & (dr.abs(depth - stays) < dr.abs(depth - mapped))
+        hidden = (stays > 0.0) & (dr.abs(depth - stays) < OWN_DEPTH * dr.abs(depth - mapped))
         return dr.select(hidden, 0.0, mapped)
 
     def _capture_sees(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:

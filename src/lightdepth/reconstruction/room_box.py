@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lightdepth.calibration.room_frame import RoomFrame
 from lightdepth.directions import FloatArray
-from lightdepth.reconstruction.room_evidence import RoomEvidence, cells
+from lightdepth.reconstruction.room_evidence import CORNERS, RoomEvidence, cells
 
 POINTS = 24
 """Looked up along each edge of the box at its end."""
@@ -28,8 +28,10 @@ LOWEST, LOWEST_SPREAD, LOWEST_WEIGHT = 2.3, 0.06, 4.0
 """Metres below which rooms are rare; how soon (natural logarithm), and the weight."""
 MIDDLE_WEIGHT = 20.0
 """Weight of the expectation that the camera stands about as far from all walls (squares of logarithms)."""
-NEAREST, FARTHEST = 0.3, 9.0
-"""Distances of walls that are tried, camera heights."""
+WALLS, CEILINGS = np.geomspace(0.3, 9.0, 110), np.geomspace(0.3, 3.6, 60)
+"""Distances of walls and of the ceiling that are tried, camera heights."""
+PAIRS, STARTS = 8, 12
+"""Pairs of walls along x that are followed for each ceiling; boxes from which the search goes on by small steps."""
 NEAR = 0.04
 """By how much (natural logarithm) edges are moved at the end, at most."""
 GUESSED = 0.4
@@ -72,43 +74,30 @@ def fit_room_box(radiance: NDArray[np.float32], frame: RoomFrame, camera_height:
     return RoomBox(np.array([-left, -back, -1.0]), np.array([right, front, ceiling]), share)
 
 
-def _expected(boxes: FloatArray, camera_height: float) -> FloatArray:
-    """What is usual of rooms, in the units of the evidence, shape (n,)."""
-    height = (1.0 + boxes[:, 4]) * camera_height
+def _usual_height(ceiling: FloatArray, camera_height: float) -> FloatArray:
+    """What is usual of the heights of rooms, in the units of the evidence, shape of ``ceiling``."""
+    height = (1.0 + ceiling) * camera_height
     unusual = HEIGHT_WEIGHT * np.log1p((np.log(height / USUAL_HEIGHT) / HEIGHT_SPREAD) ** 2)
     low = np.maximum(np.log(LOWEST / height) / LOWEST_SPREAD, 0.0)
-    walls = np.log(boxes[:, :4])
-    aside = MIDDLE_WEIGHT * ((walls - walls.mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
-    return -np.asarray(unusual + LOWEST_WEIGHT * np.minimum(low**2, 12.0) + aside)
+    return -np.asarray(unusual + LOWEST_WEIGHT * np.minimum(low**2, 12.0))
+
+
+def _aside(one: FloatArray, other: FloatArray) -> FloatArray:
+    """The same of the distances of two walls; a sum over all pairs is over the squares of what each is off the mean."""
+    return np.asarray(-0.25 * MIDDLE_WEIGHT * np.log(one / other) ** 2)
 
 
 def _search(evidence: RoomEvidence, camera_height: float) -> FloatArray:
-    """Move two walls at a time to where they score best, for many heights of the ceiling; then all by small steps."""
+    """The best box of a grid, then by small steps from it and from the best for other heights of the ceiling."""
 
     def scores(boxes: FloatArray) -> FloatArray:
-        return evidence.scores(boxes) + _expected(boxes, camera_height)
+        asides = sum(_aside(boxes[:, one], boxes[:, other]) for one, other in combinations(range(4), 2))
+        return np.asarray(evidence.scores(boxes) + _usual_height(boxes[:, 4], camera_height) + asides)
 
+    found = np.concatenate([_best_walls(evidence, ceiling) for ceiling in CEILINGS])
     random = np.random.default_rng(0)
-    distances = np.geomspace(NEAREST, FARTHEST, 76)
-    first, second = (part.ravel() for part in np.meshgrid(distances, distances))
-    pairs = list(combinations(range(4), 2))
-    found: list[tuple[float, FloatArray]] = []
-    for ceiling in np.geomspace(0.3, 3.6, 30):
-        for walls in (np.full(4, 1.5 * min(ceiling, 1.3)), random.choice(distances[15:50], 4)):
-            box, last = np.array([*walls, ceiling]), -np.inf
-            while True:
-                for pair in random.permutation(len(pairs)):
-                    tried = np.repeat(box[None], len(first), axis=0)
-                    tried[:, pairs[pair][0]], tried[:, pairs[pair][1]] = first, second
-                    value = scores(tried)
-                    box = tried[np.argmax(value)]
-                if value.max() <= last + 1e-6:
-                    break
-                last = float(value.max())
-            found.append((last, box))
-    found.sort(key=lambda item: -item[0])
     best = []
-    for _, start in found[:6]:
+    for start in found[np.argsort(-scores(found))[:STARTS]]:
         box = start
         for size in 0.05 * 0.75 ** np.arange(8):
             steps = random.normal(0.0, size, (600, 5)) + random.normal(0.0, size, (600, 1))
@@ -117,6 +106,28 @@ def _search(evidence: RoomEvidence, camera_height: float) -> FloatArray:
             box = tried[np.argmax(value)]
         best.append((float(value.max()), box))
     return max(best, key=lambda item: item[0])[1]
+
+
+def _best_walls(evidence: RoomEvidence, ceiling: float) -> FloatArray:
+    """The best boxes of a grid with this ceiling, shape (n, 5).
+
+    A box's score is a sum over its corners, each of which depends on two walls: for every pair of walls along x, the best
+    walls at -y and at +y are found independently of each other.
+    """
+    one, other = WALLS[:, None], WALLS[None]
+    apart = _aside(one, other)
+    corners = [
+        (evidence.corner(x, y, one, other, np.full((1, 1), ceiling)) + apart).astype(np.float32) for x, y in CORNERS
+    ]
+    left_back, right_back, right_front, left_front = corners
+    back, front = left_back[:, None] + right_back, left_front[:, None] + right_front
+    value = back.max(axis=-1) + front.max(axis=-1) + apart
+    left, right = np.unravel_index(np.argsort(-value, axis=None)[:PAIRS], value.shape)
+    # What is usual of the walls along y together is not a sum over corners.
+    both = back[left, right][:, :, None] + front[left, right][:, None] + apart
+    at_back, at_front = np.unravel_index(both.reshape(PAIRS, -1).argmax(axis=1), apart.shape)
+    walls = [WALLS[index] for index in (left, right, at_back, at_front)]
+    return np.stack([*walls, np.full(PAIRS, ceiling)], axis=1)
 
 
 def _settle(evidence: RoomEvidence, start: FloatArray) -> FloatArray:

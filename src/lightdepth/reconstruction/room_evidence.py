@@ -60,6 +60,8 @@ ANGLES = np.radians(np.arange(-87.5, 88.0, 1.0))
 DISTANCES = np.geomspace(0.25, 10.0, 140)
 RATIOS = np.geomspace(0.12, 30.0, 200)
 """Distances of walls, and distances over the ceiling's height above the camera, both in the tables."""
+CORNERS = ((0, 2), (1, 2), (1, 3), (0, 3))
+"""Walls that meet, in the order -x, +x, -y, +y."""
 NORMALS = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
 TANGENTS = np.array([[0.0, 1.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
 UP = np.array([0.0, 0.0, 1.0])
@@ -84,30 +86,36 @@ class RoomEvidence:
 
     def scores(self, boxes: FloatArray) -> FloatArray:
         """Logarithm of how much likelier the picture is with the box than without, but for its scale, shape (n,)."""
-        left, right, back, front, ceiling = boxes.T
-        total = np.zeros(len(boxes))
-        for wall, (distance, low, high) in enumerate(
-            ((left, back, front), (right, back, front), (back, left, right), (front, left, right))
-        ):
-            first, last = (
-                np.rint(np.degrees(np.arctan2(end, distance)) + 88.0).astype(int).clip(0, len(ANGLES))
-                for end in (-low, high)
-            )
-            for table, grid, value in (
-                (self._below, DISTANCES, distance),
-                (self._above, RATIOS, distance / ceiling),
-            ):
-                row = np.rint(np.log(value / grid[0]) / np.log(grid[1] / grid[0])).astype(int).clip(0, len(grid) - 1)
-                total += table[wall, row, last] - table[wall, row, first]
-        for x, y in ((-left, -back), (right, -back), (right, front), (-left, front)):
-            column = np.rint(np.degrees(np.arctan2(x, y)) * 2.0).astype(int) % 720
-            far = np.hypot(x, y)
-            bottom, top = (
-                np.rint(np.degrees(np.arctan2(height, far)) + 80.0).astype(int).clip(0, 160)
-                for height in (-1.0, ceiling)
-            )
-            total += self._uprights[column, top] - self._uprights[column, bottom]
+        *walls, ceiling = boxes.T
+        return sum((self.corner(x, y, walls[x], walls[y], ceiling) for x, y in CORNERS), np.zeros(len(boxes)))
+
+    def corner(self, x: int, y: int, along_x: FloatArray, along_y: FloatArray, ceiling: FloatArray) -> FloatArray:
+        """One corner's share of the score: the sum of a box's four is its score.
+
+        The evidence along a wall is a running sum at its one end less that at its other end, and each end is a corner.
+
+        Args:
+            x: 0 or 1, its wall at -x or +x.
+            y: 2 or 3, its wall at -y or +y.
+            along_x: distances of the former, camera heights; this and the following are broadcast.
+            along_y: of the latter.
+            ceiling: of the ceiling.
+        """
+        side_x, side_y = (-1.0 if wall % 2 == 0 else 1.0 for wall in (x, y))
+        total = self._upright_sum(side_x * along_x, side_y * along_y, ceiling)
+        for wall, distance, side, end in ((x, along_x, side_y, along_y), (y, along_y, side_x, along_x)):
+            angle = np.rint(np.degrees(np.arctan2(side * end, distance)) + 88.0).astype(int).clip(0, len(ANGLES))
+            total += side * self._below[wall, _rows(DISTANCES, distance), angle]
+            total += side * self._above[wall, _rows(RATIOS, distance / ceiling), angle]
         return total
+
+    def _upright_sum(self, x: FloatArray, y: FloatArray, ceiling: FloatArray) -> FloatArray:
+        column = np.rint(np.degrees(np.arctan2(x, y)) * 2.0).astype(int) % 720
+        far = np.hypot(x, y)
+        bottom, top = (
+            np.rint(np.degrees(np.arctan2(height, far)) + 80.0).astype(int).clip(0, 160) for height in (-1.0, ceiling)
+        )
+        return np.asarray(self._uprights[column, top] - self._uprights[column, bottom])
 
     def _edge_tables(self, grid: FloatArray, up: float, hidden: float, sides: float) -> FloatArray:
         """Evidence of floor (``up`` = -1) or ceiling edges by wall, distance and azimuth."""
@@ -232,6 +240,12 @@ def cells(directions: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows and columns of the maps at directions of the room frame."""
     u, v = direction_to_latlong(_unit(directions))
     return (v * HEIGHT).astype(int).clip(0, HEIGHT - 1), (u * 2 * HEIGHT).astype(int) % (2 * HEIGHT)
+
+
+def _rows(grid: FloatArray, values: FloatArray) -> NDArray[np.intp]:
+    """Nearest entries of a geometric sequence."""
+    rows = np.rint(np.log(values / grid[0]) / np.log(grid[1] / grid[0])).astype(int)
+    return np.asarray(rows.clip(0, len(grid) - 1))
 
 
 def _unit(vectors: FloatArray) -> FloatArray:

@@ -55,16 +55,19 @@ def wind_toward_capture(place: Place, surfaces: RealSurfaces) -> NDArray[np.int3
     """
     faces = surfaces.faces
     facing = reduce(operator.add, (_facing(place, surfaces, each.capture) for each in place.photograph.each))
-    count = len(surfaces.vertices)
     places = np.round(np.concatenate([surfaces.vertices, surfaces.rest], axis=1) / 1e-5).astype(np.int64)
     _, same_position = np.unique(places, axis=0, return_inverse=True)
-    merged = same_position.reshape(-1)[faces]
-    ones = np.ones(len(faces))
-    links = [coo_matrix((ones, (merged[:, 0], merged[:, k])), shape=(count, count)) for k in (1, 2)]
-    _, piece_of_vertex = connected_components(links[0] + links[1], directed=False)
-    piece = piece_of_vertex[merged[:, 0]]
+    piece = connected(same_position.reshape(-1)[faces])
     flipped = np.bincount(piece, weights=facing)[piece] < 0.0
     return np.where(flipped[:, None], faces[:, ::-1], faces).astype(np.int32)
+
+
+def connected(faces: NDArray[np.integer]) -> NDArray[np.int_]:
+    """Which connected piece each face is of, by the vertices that faces share, shape (m,)."""
+    count, ones = int(faces.max(initial=-1)) + 1, np.ones(len(faces))
+    links = [coo_matrix((ones, (faces[:, 0], faces[:, k])), shape=(count, count)) for k in (1, 2)]
+    _, piece_of_vertex = connected_components(links[0] + links[1], directed=False)
+    return np.asarray(piece_of_vertex[faces[:, 0]])
 
 
 def _facing(place: Place, surfaces: RealSurfaces, capture: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.recovery.irradiance import estimate_irradiance
 from lightdepth.recovery.irradiance_mesh import estimate_again, estimate_on_mesh
-from lightdepth.recovery.mesh_components import separate, wind_toward_capture, with_refined
+from lightdepth.recovery.mesh_components import connected, separate, wind_toward_capture, with_refined
 from lightdepth.recovery.vertex_grids import lay_out
 from lightdepth.scene.meshes.geometry import face_areas, face_normals
 
@@ -83,7 +83,8 @@ def recover_unseen(
     )
     grids = lay_out(mesh, parameters)
     place = place.with_surfaces(TracedSurfaces(with_refined(modelled, chosen, part, grids, irradiance)))
-    index, likeness = np.flatnonzero(chosen), _likeness(part, seen, parameters)
+    index, pieces = np.flatnonzero(chosen), connected(modelled.faces)
+    likeness = _likeness(part, pieces[index], seen, pieces[seen.face], parameters)
     for _ in range(parameters.unseen_rounds):
         at_seen, _ = estimate_irradiance(place, seen.points, seen.normals, generator, samples, parameters)
         part = replace(
@@ -151,14 +152,23 @@ def _random_points(
     return points, face_normals(surfaces.vertices, surfaces.faces[face]), face
 
 
-def _likeness(part: RealSurfaces, seen: SeenPoints, parameters: RecoveryParameters) -> NDArray[np.float32]:
+def _likeness(
+    part: RealSurfaces,
+    piece: NDArray[np.int_],
+    seen: SeenPoints,
+    seen_piece: NDArray[np.int_],
+    parameters: RecoveryParameters,
+) -> NDArray[np.float32]:
     """How much each seen point counts for the colour of each face, shape (m, n).
 
-    Points in the same plane count most, then those that face up or down as much; near ones count most of all.
+    Points in the same plane count most, above all those of the same mesh, then those that face up or down as much; near
+    ones count most of all.
 
     Args:
         part: the faces with unseen parts.
+        piece: which connected mesh each is of, shape (m,).
         seen: what the capture point sees.
+        seen_piece: the same of these points, shape (n,).
         parameters: what counts as the same plane, and how much.
     """
     centre = part.vertices[part.faces].mean(axis=1, dtype=np.float64)
@@ -168,7 +178,8 @@ def _likeness(part: RealSurfaces, seen: SeenPoints, parameters: RecoveryParamete
     same_plane = (height < parameters.same_plane) & (normal @ seen.normals.T > parameters.parallel)
     near = 1.0 / np.square(squared + face_areas(part.vertices, part.faces)[:, None])
     alike = np.exp(-parameters.alike * np.square(normal[:, 2:] - seen.normals[:, 2]))
-    return (near * np.where(same_plane, parameters.same_plane_weight, alike) * seen.area).astype(np.float32)
+    in_plane = np.where(piece[:, None] == seen_piece, parameters.same_piece_weight, 1.0) * parameters.same_plane_weight
+    return (near * np.where(same_plane, in_plane, alike) * seen.area).astype(np.float32)
 
 
 def _albedo(

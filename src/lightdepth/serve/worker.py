@@ -166,7 +166,7 @@ class Worker:
                     except queue.Empty:
                         break
                     if waiting is not None:
-                        self._say(Done(None, interrupted=True), waiting.id)
+                        self._end(Done(None, interrupted=True), waiting.id)
             running = self._running
             if running is not None and name in (None, running.id):
                 running.cancelled = True
@@ -175,6 +175,12 @@ class Worker:
 
     def _say(self, event: Event, name: str | None = None) -> None:
         self._answer(event.to_json() if name is None else event.to_json(id=name))
+
+    def _end(self, event: Done | Failure, name: str) -> None:
+        """Say how a request ended. Whoever reads that may use its id again at once."""
+        self._cancelled.discard(name)
+        self._pending.discard(name)
+        self._say(event, name)
 
     @contextmanager
     def _cautions(self, name: str) -> Iterator[None]:
@@ -197,16 +203,14 @@ class Worker:
             try:
                 self._render(request, running)
             except LightdepthError as error:
-                self._say(Failure(str(error)), request.id)
+                self._end(Failure(str(error)), request.id)
             except Exception as error:
                 LOGGER.exception("a request failed")
-                self._say(Failure(f"internal error: {type(error).__name__}: {error}"), request.id)
+                self._end(Failure(f"internal error: {type(error).__name__}: {error}"), request.id)
             with self._lock:
                 running.session = self._running = (
                     None  # The samples of what is done would fill the memory till the next.
                 )
-                self._cancelled.discard(request.id)
-                self._pending.discard(request.id)
 
     def _render(self, request: RenderRequest, running: _Running) -> None:
         job = Job(
@@ -228,7 +232,7 @@ class Worker:
                 work, job = self._work(request, job)
         with self._lock:
             if running.cancelled or work is None:
-                self._say(Done(None, interrupted=True), request.id)
+                self._end(Done(None, interrupted=True), request.id)
                 return
             running.session = work
         displays: list[Display] = [ExrDisplay(request.output, request.layers)]
@@ -236,7 +240,10 @@ class Worker:
             displays.append(PngDisplay(request.output.with_suffix(".png"), request.exposure))
 
         def report(event: Event) -> None:
-            self._say(event, request.id)
+            if isinstance(event, Done | Failure):
+                self._end(event, request.id)
+            else:
+                self._say(event, request.id)
 
         if isinstance(work, MotionBlur):
             work.render(displays, self._device, report)

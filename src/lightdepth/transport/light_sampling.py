@@ -338,7 +338,9 @@ class LightSampling:
             si = first_interaction(self._surfaces.synthetic, ray, active)
             active &= si.is_valid()
             transmission = materials.null_transmission(materials.index(si, active), si, active)
-            passed *= dr.select(active, dr.mean(transmission), 1.0)
+            # Not `dr.mean`, which writes the number of lanes into the program: it would be compiled again for each.
+            mean = (transmission.x + transmission.y + transmission.z) / 3.0
+            passed *= dr.select(active, mean, 1.0)
             active &= passed > 0.0
             remaining = ray.maxt - si.t
             ray = leave(si.p, mi.Vector3f(si.n), ray.d, remaining)

@@ -1,0 +1,56 @@
+"""Spheres around parts of objects: nothing is outside of them all, and they leave out what is empty."""
+
+import numpy as np
+import pytest
+
+from lightdepth.kernel.start import start
+
+start("cpu")
+
+from lightdepth.place.object_outline import FACES, MOST_PARTS, ObjectOutline  # noqa: E402
+
+
+def mesh(faces, seed=0):
+    """Small triangles along a winding line."""
+    generator = np.random.default_rng(seed)
+    middle = np.cumsum(generator.normal(0.0, 0.05, (faces, 1, 3)), axis=0)
+    vertices = (middle + generator.normal(0.0, 0.02, (faces, 3, 3))).reshape(-1, 3).astype(np.float32)
+    return vertices, np.arange(3 * faces, dtype=np.uint32).reshape(-1, 3)
+
+
+def sphere_of(vertices):
+    centre = vertices.mean(axis=0).astype(np.float64)
+    return centre, float(np.linalg.norm(vertices - centre, axis=1).max())
+
+
+def is_enclosed(outline, triangles):
+    """Whether all corners of each triangle lie in one sphere, so that all of it does."""
+    distances = np.linalg.norm(triangles[:, :, None] - outline.centres, axis=3)
+    return (distances <= outline.radii * (1 + 1e-5) + 1e-6).all(axis=1).any(axis=1)
+
+
+@pytest.mark.parametrize("faces", [1, 100, 5000])
+def test_every_face_is_in_a_sphere(faces):
+    vertices, triangles = mesh(faces)
+    outline = ObjectOutline([(sphere_of(vertices), (vertices, triangles))])
+    assert is_enclosed(outline, vertices[triangles]).all()
+    assert len(outline.radii) <= MOST_PARTS
+
+
+def test_parts_of_a_wire_are_as_short_as_their_number_allows():
+    """They are halves of halves, so that none is longer than twice their mean."""
+    along = np.linspace(0.0, 10.0, 2048)[:, None, None] * [1.0, 0.0, 0.0]
+    vertices = (along + 0.001 * np.eye(3)).reshape(-1, 3).astype(np.float32)
+    faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
+    outline = ObjectOutline([(sphere_of(vertices), (vertices, faces))])
+    assert len(outline.radii) == 2048 // FACES
+    assert outline.radii.max() <= 10.0 / len(outline.radii)
+
+
+def test_many_spheres_are_enclosed_by_fewer():
+    generator = np.random.default_rng(1)
+    centres, radii = generator.uniform(-5.0, 5.0, (4 * MOST_PARTS, 3)), generator.uniform(0.01, 0.1, 4 * MOST_PARTS)
+    outline = ObjectOutline([((centre, radius), None) for centre, radius in zip(centres, radii)])
+    assert len(outline.radii) <= MOST_PARTS
+    distances = np.linalg.norm(centres[:, None] - outline.centres, axis=2) + radii[:, None]
+    assert (distances <= outline.radii + 1e-9).any(axis=1).all()
