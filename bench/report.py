@@ -199,7 +199,7 @@ def missing_light() -> Iterator[str]:
     if tables:
         yield "## Light that the photograph lacks\n"
         yield (
-            "Measured with `python -m bench suns`, `clipped` and `gloss`; see [Light that the photograph lacks]"
+            "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
             "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
             "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
             "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
