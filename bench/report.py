@@ -16,6 +16,7 @@ from bench.run import RESULTS
 
 CAPTURES = RESULTS / "captures.json"
 BOXES = RESULTS / "boxes.json"
+FIREFLIES = RESULTS / "fireflies.json"
 DOCS = Path(__file__).parents[1] / "docs"
 REGION_TITLES = {
     "objects": "On objects",
@@ -94,6 +95,7 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
     lines += _foreign()
     lines += _captures()
     lines += _boxes()
+    lines += _fireflies()
     lines.append("## Settings of the methods\n")
     lines += [f"- {results['labels'][key]}: {text}." for key, text in results["settings"].items()]
     path = DOCS / "benchmarks.md"
@@ -197,7 +199,7 @@ def missing_light() -> Iterator[str]:
     if tables:
         yield "## Light that the photograph lacks\n"
         yield (
-            "Measured with `python -m bench suns`, `clipped` and `gloss`; see [Light that the photograph lacks]"
+            "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
             "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
             "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
             "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
@@ -257,6 +259,23 @@ def _boxes() -> Iterator[str]:
             "of photographed rooms were read off by hand (`bench/places/photographed_rooms.toml`). Of the benchmark's "
             "places these are the four that are boxes, path-traced and denoised. The furnished rooms are random, painted "
             "instead of lit, and harder than most: much of their floor's edges is behind furniture.\n"
+        )
+        yield f"**{table['title']}**\n"
+        yield _table(table["head"], table["rows"])
+
+
+def _fireflies() -> Iterator[str]:
+    """What denoising leaves of fireflies, which ``python -m bench fireflies`` measured."""
+    table = json.loads(FIREFLIES.read_text()) if FIREFLIES.is_file() else None
+    if table:
+        yield "## Fireflies and lost light\n"
+        yield (
+            "Measured with `python -m bench fireflies`: first pictures of `lightdepth new` with a chrome and a grey ball or "
+            "one of rough silver and one of matte red, 320 x 200 pixels. A firefly is twice as bright as 128 samples of "
+            "another seed, and brighter by a tenth of the picture's mean. The light is what denoising adds to the samples' "
+            "own, as a share of the layer. The error is relative to the mean, with what is white on a screen cut off: in "
+            "such small pictures the lamps and the sun in the chrome ball are smaller than a pixel, and the denoiser "
+            "softens them.\n"
         )
         yield f"**{table['title']}**\n"
         yield _table(table["head"], table["rows"])
