@@ -219,6 +219,8 @@ class Rendering:
 
     def _frame(self, auxiliary: bool, finish: bool) -> Frame:
         facts = self._facts()
+        if finish:
+            self._round = None  # Of a large image, what was wanted of each pixel counts.
         taken = self._accumulator.taken if finish else self._accumulator.taken.copy()
         means = dict(vars(self._accumulator.estimates(finish)))
         for name in list(means):  # One by one, so that a large image is never there twice as a whole.
