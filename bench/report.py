@@ -270,8 +270,8 @@ def _fireflies() -> Iterator[str]:
     if table:
         yield "## Fireflies and lost light\n"
         yield (
-            "Measured with `python -m bench fireflies`: first pictures of `lightdepth new` with a chrome and a grey ball or "
-            "one of rough silver and one of matte red, 320 x 200 pixels. A firefly is twice as bright as 128 samples of "
+            "Measured with `python -m bench fireflies`: first pictures of `lightdepth new` with a chrome and a grey ball "
+            "or one of rough silver and one of matte red, 320 x 200 pixels. A firefly is twice as bright as 128 samples of "
             "another seed, and brighter by a tenth of the picture's mean. The light is what denoising adds to the samples' "
             "own, as a share of the layer. The error is relative to the mean, with what is white on a screen cut off: in "
             "such small pictures the lamps and the sun in the chrome ball are smaller than a pixel, and the denoiser "
