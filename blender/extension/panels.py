@@ -22,6 +22,14 @@ class Sidebar:
     bl_category = "lightdepth"
 
 
+class ImageSidebar:
+    """Base of the panels in the image editor's sidebar."""
+
+    bl_space_type = "IMAGE_EDITOR"
+    bl_region_type = "UI"
+    bl_category = "lightdepth"
+
+
 class PanoramaPanel(Sidebar, bpy.types.Panel):
     """The photograph and where it was taken."""
 
@@ -67,14 +75,11 @@ class CalibrationPanel(Sidebar, bpy.types.Panel):
         draw_calibration(self.layout, context)
 
 
-class ImageCalibrationPanel(bpy.types.Panel):
+class ImageCalibrationPanel(ImageSidebar, bpy.types.Panel):
     """Calibration in the image editor."""
 
     bl_idname = "LIGHTDEPTH_PT_image_calibration"
     bl_label = "Calibrate"
-    bl_space_type = "IMAGE_EDITOR"
-    bl_region_type = "UI"
-    bl_category = "lightdepth"
 
     def draw(self, context):
         draw_calibration(self.layout, context)

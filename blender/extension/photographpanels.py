@@ -5,7 +5,7 @@ from typing import ClassVar
 import bpy
 
 from . import cameras, matching, photographimport, photographs
-from .panels import Sidebar, draw_texts
+from .panels import ImageSidebar, Sidebar, draw_texts
 
 
 def _draw_gain(layout, settings) -> None:
@@ -111,13 +111,7 @@ class PlatePanel(Sidebar, bpy.types.Panel):
         draw_plate(self.layout, context)
 
 
-class _ImageEditor:
-    bl_space_type = "IMAGE_EDITOR"
-    bl_region_type = "UI"
-    bl_category = "lightdepth"
-
-
-class ImagePhotographsPanel(_ImageEditor, bpy.types.Panel):
+class ImagePhotographsPanel(ImageSidebar, bpy.types.Panel):
     """Further panoramas, in the image editor."""
 
     bl_idname = "LIGHTDEPTH_PT_image_photographs"
@@ -127,7 +121,7 @@ class ImagePhotographsPanel(_ImageEditor, bpy.types.Panel):
         draw_panoramas(self.layout, context)
 
 
-class ImagePlatePanel(_ImageEditor, bpy.types.Panel):
+class ImagePlatePanel(ImageSidebar, bpy.types.Panel):
     """The plate, in the image editor."""
 
     bl_idname = "LIGHTDEPTH_PT_image_plate"
