@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import drjit as dr
@@ -37,8 +38,9 @@ class SyntheticShapes:
     Attributes:
         numbered: pairs of an index into ``scene.synthetic`` and a shape; an object of several parts has several shapes.
         spheres: around each of them in the world, with all its instances: centre, shape (3,), and radius, in metres.
-        parts: spheres around each of them, around each instance, and the vertices, shape (n, 3), and faces, shape
-            (m, 3), of meshes that are no instances.
+        parts: of those that are no instances, spheres around each, and the vertices, shape (n, 3), and faces, shape
+            (m, 3), of meshes.
+        around_instances: centres, shape (n, 3), and radii, shape (n,), of spheres around what stands at each place.
         plain: those that stand where they are in the world.
         instances: the others; ``None`` where there are none.
         unseen: those that cameras do not see by themselves.
@@ -47,6 +49,7 @@ class SyntheticShapes:
     numbered: tuple[tuple[int, mi.Shape], ...]
     spheres: tuple[tuple[np.ndarray, float], ...]
     parts: tuple[tuple[tuple[np.ndarray, float], tuple[np.ndarray, np.ndarray] | None], ...]
+    around_instances: tuple[np.ndarray, np.ndarray]
     plain: tuple[mi.Shape, ...]
     instances: Instances | None
     unseen: tuple[mi.Shape, ...] = ()
@@ -84,12 +87,13 @@ def synthetic_shapes(scene: Scene) -> SyntheticShapes:
     _last = builder.without_predecessor()
     plain = tuple(shape for number, (_, shape) in enumerate(shapes) if number not in owners)
     outline = [(spheres[number], mesh_of(shape)) for number, (_, shape) in enumerate(shapes) if number not in owners]
-    outline += [(sphere, None) for prototype in prototypes for sphere in prototype.spheres()]
+    around = [prototype.spheres() for prototype in prototypes] or [(np.zeros((0, 3)), np.zeros(0))]
+    centres, radii = (np.concatenate(values) for values in zip(*around, strict=True))
     instances = None
     if prototypes:
         instances = Instances([each.traced() for each in prototypes], [shapes[number][1] for number in owners])
     unseen = tuple(shape for index, shape in shapes if not scene.synthetic[index].visible_to_camera)
-    return SyntheticShapes(tuple(shapes), tuple(spheres), tuple(outline), plain, instances, unseen)
+    return SyntheticShapes(tuple(shapes), tuple(spheres), tuple(outline), (centres, radii), plain, instances, unseen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +137,17 @@ class _Prototype:
 
     def sphere(self) -> tuple[np.ndarray, float]:
         """Around all that stands in the world."""
-        points = self._corners()
+        points = self._corners
         centre = 0.5 * (points.min(axis=(0, 1)) + points.max(axis=(0, 1)))
         return centre, float(np.linalg.norm(points - centre, axis=2).max())
 
-    def spheres(self) -> list[tuple[np.ndarray, float]]:
-        """Around what stands at each place."""
-        points = self._corners()
+    def spheres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Around what stands at each place: centres, shape (n, 3), and radii, shape (n,)."""
+        points = self._corners
         centres = 0.5 * (points.min(axis=1) + points.max(axis=1))
-        return list(zip(centres, np.linalg.norm(points - centres[:, None], axis=2).max(axis=1).tolist(), strict=True))
+        return centres, np.linalg.norm(points - centres[:, None], axis=2).max(axis=1)
 
+    @cached_property
     def _corners(self) -> np.ndarray:
         """Of the boxes at all places, in the world, shape (n, 8, 3)."""
         ends = np.stack([self.low, self.high])

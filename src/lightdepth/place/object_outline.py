@@ -28,13 +28,16 @@ class ObjectOutline:
     Args:
         parts: a sphere around each shape, and the vertices, shape (n, 3), and faces, shape (m, 3), of meshes, ``None`` of
             others.
+        around_instances: centres, shape (n, 3), and radii, shape (n,), of spheres around instances, which are not divided.
     """
 
     def __init__(
-        self, parts: Sequence[tuple[Sphere, tuple[NDArray[np.floating], NDArray[np.unsignedinteger]] | None]]
+        self,
+        parts: Sequence[tuple[Sphere, tuple[NDArray[np.floating], NDArray[np.unsignedinteger]] | None]],
+        around_instances: tuple[NDArray[np.floating], NDArray[np.floating]] = (np.zeros((0, 3)), np.zeros(0)),
     ) -> None:
-        centres, radii = [np.zeros((0, 3))], [np.zeros(0)]
-        most = MOST_PARTS // max(len(parts), 1)
+        centres, radii = ([values] for values in around_instances)
+        most = MOST_PARTS // max(len(parts) + len(around_instances[1]), 1)
         for (centre, radius), mesh in parts:
             spheres = np.asarray(centre)[None], np.array([radius])
             if mesh is not None and most > 1 and len(mesh[1]) > FACES:
