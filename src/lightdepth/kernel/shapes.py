@@ -241,6 +241,22 @@ def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | No
     return shape
 
 
+def moved_copy(shape: mi.Shape, offset: np.ndarray) -> mi.Shape:
+    """The geometry of a shape once more.
+
+    Args:
+        shape: a mesh or an analytic shape.
+        offset: by which the copy is moved, world, metres, shape (3,).
+    """
+    parameters = mi.traverse(shape)
+    if "vertex_positions" in parameters:
+        vertices, faces = mesh_of(shape)  # type: ignore[misc]
+        return mesh_shape(Mesh((vertices + offset).astype(np.float32), faces.astype(np.int32)))
+    to_world = np.array(parameters["to_world"].matrix, np.float64).reshape(4, 4)
+    to_world[:3, 3] += offset
+    return load({"type": shape.class_name().lower(), "to_world": mi.ScalarTransform4f(to_world)})
+
+
 def is_polished(shape: mi.Shape) -> bool:
     """Whether its material throws light into some directions rather than others."""
     return any(mi.has_flag(shape.bsdf().flags(), kind) for kind in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Delta))

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from lightdepth.kernel.arrays import aligned, aligned_empty
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.materials import Materials, registered
-from lightdepth.kernel.shapes import SyntheticShapes, mesh_shape
-from lightdepth.kernel.tracing import Instances, Traced, WithInstances, first_hit
+from lightdepth.kernel.shapes import SyntheticShapes, mesh_shape, moved_copy
+from lightdepth.kernel.tracing import ONE_SCENE_A_KERNEL, Cell, Instances, Traced, WithInstances, first_hit, side_by_side
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
 from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Mesh
@@ -28,6 +28,9 @@ RAY_EPSILON = 1e-4
 """Offset of a ray's origin from the surface it leaves, relative to ``1 + |p|``."""
 SHADOW_RAY_END = 0.999
 """Where shadow rays end, as a share of the way to the light."""
+
+TRACED = ("all", "seen", "shown", "synthetic", "real", "kept", "blockers", "kept_blockers")
+"""Attributes of :class:`TracedSurfaces` that are traced, the largest first."""
 
 
 @dataclass
@@ -134,6 +137,17 @@ class TracedSurfaces:
         if removed is not None or self.has_unseen:
             self.shown = _with(_scene({**self._real_shapes, **seen}), instances)
         self.materials = Materials([*every, *passed.values()])
+        if ONE_SCENE_A_KERNEL:
+            self._join()
+
+    def _join(self) -> None:
+        """Let a kernel trace all scenes as one."""
+        scenes = {name: getattr(self, name) for name in TRACED}
+        scenes = {name: scene.alone if isinstance(scene, Cell) else scene for name, scene in scenes.items()}
+        distinct = {id(scene): scene for scene in scenes.values()}
+        cells = dict(zip(distinct, side_by_side(list(distinct.values()), moved_copy), strict=True))
+        for name, scene in scenes.items():
+            setattr(self, name, cells[id(scene)])
 
     def _only(self, surfaces: RealSurfaces, chosen: NDArray[np.bool_], black: mi.BSDF) -> mi.Scene:
         """Some of the real faces: those that keep a declared sun out."""
