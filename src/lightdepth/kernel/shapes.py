@@ -17,7 +17,7 @@ from lightdepth.errors import InputError
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.textures import TextureCache
-from lightdepth.kernel.tracing import CAN_INSTANCE, Instances, Prototype
+from lightdepth.kernel.tracing import Instances, Prototype
 from lightdepth.scene.identity import digest
 from lightdepth.scene.materials import Material
 from lightdepth.scene.meshes.geometry import expanded
@@ -181,7 +181,7 @@ def _prototypes(parts: Sequence[SyntheticPart], limits: Sequence[int | None]) ->
 
 def _stays_instanced(part: SyntheticPart, expanded_triangles: int) -> bool:
     """Whether a part stands once in memory: lamps do not, which are sampled by their surface, and what is as small."""
-    if part.places is None or not CAN_INSTANCE or "emitter" in part.material.plugins():
+    if part.places is None or "emitter" in part.material.plugins():
         return False
     assert isinstance(part.geometry, Mesh)
     triangles = len(part.geometry.faces)
