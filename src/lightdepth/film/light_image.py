@@ -197,7 +197,7 @@ class _SumsOnGpu:
         slot = row * columns + column
         if self._slots is not None:
             slot = dr.gather(mi.UInt32, self._slots, slot, splats.valid)
-        useful = splats.valid & (slot != int(NOWHERE)) & dr.all(dr.isfinite(splats.radiance))
+        useful = splats.valid & (slot != int(NOWHERE)) & dr.isfinite(dr.sum(dr.abs(splats.radiance)))
         for channel in range(3):
             value = splats.radiance[channel]
             dr.scatter_add(self._sums[channel], value, slot, useful & ~splats.on_object)
