@@ -58,10 +58,9 @@ class Lanes:
         total = dr.zeros(CameraSums, pixels)
         dr.make_opaque(total)  # What shares a variable would be added to together.
         for begin, end in zip(self.blocks[:-1], self.blocks[1:], strict=True):
-            lane, pixel = (
-                dr.arange(mi.UInt32, int(begin), int(end)),
-                mi.UInt32(aligned(self.pixel[begin:end], np.uint32)),
-            )
+            # Opaque: as a number in the program, it would make one program of each block.
+            lane = dr.opaque(mi.UInt32, int(begin)) + dr.arange(mi.UInt32, int(end - begin))
+            pixel = mi.UInt32(aligned(self.pixel[begin:end], np.uint32))
             for value, into in zip(_parts(sums), _parts(total), strict=True):
                 _add(into, dr.gather(mi.Float, value, lane), pixel)
             dr.eval(total)
