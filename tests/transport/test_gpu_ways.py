@@ -113,8 +113,9 @@ def test_a_cell_is_hit_where_its_scene_is() -> None:
     shapes = [mesh_shape(Mesh(np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.int32)))]
     to_world = trimesh.transformations.rotation_matrix(0.5, [1.0, 2.0, 3.0], [0.5, 1.0, -0.4])
     to_world[:3, :3] *= [1.5, 0.3, 0.8]
-    kinds = ("cube", "rectangle", "disk", "cylinder")
-    shapes += [mi.load_dict({"type": kind, "to_world": mi.ScalarTransform4f(to_world)}) for kind in kinds]
+    for kind in ("cube", "rectangle", "disk", "cylinder"):
+        to_world[2, 3] += 0.3
+        shapes.append(mi.load_dict({"type": kind, "to_world": mi.ScalarTransform4f(to_world)}))
     scenes = [
         mi.load_dict({"type": "scene", **{f"shape_{index}": shape for index, shape in enumerate(chosen)}})
         for chosen in (shapes, shapes[:2], shapes[2:], [], shapes[3:])
