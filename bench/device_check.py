@@ -151,15 +151,16 @@ def _device_name(device: str) -> str:
 
 
 def _resized(scene: Any, widths: dict[str, int]) -> Any:
-    """The scene with cameras of other widths."""
+    """The scene with some of its cameras, of other widths."""
     from dataclasses import replace
 
     cameras = {}
-    for name, view in scene.cameras.items():
+    for name, wanted in widths.items():
+        view = scene.cameras[name]
         width, height = view.camera.resolution
-        sizes = {"width": widths[name]}
+        sizes = {"width": wanted}
         if hasattr(view.camera, "height"):  # Of an equirectangular camera and a fisheye it follows from the width.
-            sizes["height"] = widths[name] * height // width
+            sizes["height"] = wanted * height // width
         cameras[name] = replace(view, camera=view.camera.model_copy(update=sizes))
     return replace(scene, cameras=cameras)
 
