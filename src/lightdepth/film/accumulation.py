@@ -16,6 +16,8 @@ from lightdepth.kernel.arrays import aligned
 from lightdepth.transport.integrator import CameraSums
 
 PIXELS_AT_ONCE = 1 << 18
+Part = slice | NDArray[np.integer]
+"""Some pixels of the list."""
 AROUND = 9
 """Pixels side by side whose mean brightness stands for that of a pixel with a single sample."""
 
@@ -170,14 +172,11 @@ class Accumulator:
             changes[part] = factor * np.abs(means.change).mean(axis=1) / self._brightness(means, part, floor)
         return changes
 
-    def brightnesses(self, floor: float) -> NDArray[np.float32]:
-        """Brightness of each pixel with ``floor`` added, shape (n,)."""
-        brightnesses = np.empty(len(self._pixels), np.float32)
-        for part, means in self._means(self._sums()):
-            brightnesses[part] = self._brightness(means, part, floor)
-        return brightnesses
+    def brightnesses(self, slots: NDArray[np.integer], floor: float) -> NDArray[np.float32]:
+        """Brightness of some pixels of the list with ``floor`` added, shape (k,)."""
+        return self._brightness(self._means_of(self._sums(), slots), slots, floor)
 
-    def _brightness(self, means: Estimates, part: slice, floor: float) -> NDArray[np.float32]:
+    def _brightness(self, means: Estimates, part: Part, floor: float) -> NDArray[np.float32]:
         plate = self._plate[self._pixels[part]]
         beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
         return np.maximum(beauty.mean(axis=1), 0.0) + np.float32(floor)
@@ -196,7 +195,7 @@ class Accumulator:
             part = slice(first, min(first + PIXELS_AT_ONCE, len(self._pixels)))
             yield part, self._means_of(sums, part, with_light)
 
-    def _means_of(self, sums: Estimates, part: slice, with_light: bool = True) -> Estimates:
+    def _means_of(self, sums: Estimates, part: Part, with_light: bool = True) -> Estimates:
         """The means of some pixels of the list.
 
         A finished sample is ``x + (1 - c) P`` with ``x`` what is new, ``P`` the plate and ``c`` whether it is covered,

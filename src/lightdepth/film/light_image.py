@@ -135,7 +135,7 @@ class LightImage:
         """Give back the memory of the sums; nothing can be added or asked afterwards."""
         del self._change, self._synthetic, self._squares, self._slots
 
-    def means(self, part: slice) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    def means(self, part: slice | NDArray[np.integer]) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """Change and synthetic radiance of some pixels of the list and the variance of their sum, shapes (k, 3).
 
         Of the squares only the mean over the channels is kept, to save memory; each channel's share is that of its mean.

@@ -133,37 +133,35 @@ class PictureError:
             probes = min(probes, parameters.most_probes)
             slots, chance = _drawn(own, probes, generator)
             del own
-            brightness = self._accumulator.brightnesses(self._dark)
             light_list = light_list_error(
                 integrator,
                 self._prepared.place,
                 self._sampling.ray_through,
                 self._sampling.pixels[slots],
-                brightness[slots],
+                self._accumulator.brightnesses(slots, self._dark),
                 1.0 / (count * chance),
                 parameters.light_list_length,
                 parameters.compared_lists,
                 generator,
             )
-            self.shared = SharedErrors(light_list, self._cache(brightness, generator), spent)
+            self.shared = SharedErrors(light_list, self._cache(generator), spent)
         self.outdate()
 
-    def _cache(self, brightness: NDArray[np.float32], generator: np.random.Generator) -> float:
+    def _cache(self, generator: np.random.Generator) -> float:
         """Relative error that the radiance cache gives pixels: how much they change with a perturbed cache."""
         parameters = self._parameters
         cache, lights, pixels = self._sampling.cache, self._sampling.lights, self._sampling.pixels
         if cache is None or lights is None:
             return 0.0
         slots = np.sort(generator.choice(len(pixels), min(parameters.cache_probes, len(pixels)), replace=False))
-        counts = np.full(len(slots), parameters.cache_samples)
+        # Two sets of paths for each pixel, followed at once: a launch costs as much as some ten thousand paths.
+        both = np.tile(slots, 2)
+        first, counts = generator.integers(1 << 32, size=len(both)), np.full(len(both), parameters.cache_samples)
         other = cache.perturbed(generator)
-        differences = []
-        for _ in range(2):
-            first = generator.integers(1 << 32, size=len(slots))
-            sums = [self._sampling.follow(lights, pixels[slots], first, counts, each) for each in (cache, other)]
-            totals = [(each.change + each.synthetic).numpy().T for each in sums]
-            differences.append((totals[1] - totals[0]) / parameters.cache_samples)
-        now = difference_error(differences[0], differences[1], brightness[slots])
+        sums = [self._sampling.follow(lights, pixels[both], first, counts, each) for each in (cache, other)]
+        totals = [(each.change + each.synthetic).numpy().T for each in sums]
+        differences = np.split((totals[1] - totals[0]) / parameters.cache_samples, 2)
+        now = difference_error(*differences, self._accumulator.brightnesses(slots, self._dark))
         return now * math.sqrt(self._sampling.cache_use.share(cache.records))
 
 
