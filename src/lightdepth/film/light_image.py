@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
+from lightdepth.film.channels import channel_means
 from lightdepth.film.sums import Share
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.device import ON_GPU
@@ -144,7 +145,9 @@ class LightImage:
         """Give back the memory of the sums; nothing can be added or asked afterwards."""
         del self._change, self._synthetic, self._squares, self._slots, self._on_gpu
 
-    def means(self, part: slice) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    def means(
+        self, part: slice | NDArray[np.integer]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
         """Change and synthetic radiance of some pixels of the list and the variance of their sum, shapes (k, 3).
 
         Of the squares only the mean over the channels is kept, to save memory; each channel's share is that of its mean.
@@ -153,7 +156,7 @@ class LightImage:
         count = np.float32(max(self.count, 1))
         change, synthetic = self._change[part] / count, self._synthetic[part] / count
         squared = np.square(change + synthetic)
-        mean = np.maximum(squared.mean(axis=1, keepdims=True), np.float32(1e-30))
+        mean = np.maximum(channel_means(squared)[:, None], np.float32(1e-30))
         variance = np.maximum(self._squares[part, None] / count - mean, 0.0) / count
         return change, synthetic, variance * (squared / mean)
 

@@ -46,11 +46,11 @@ class FilmParameters:
         error_time_share: largest share of the time that these estimates may take.
         worth_shared: errors that all pixels share are estimated once the pixels' own errors are below this: they are far
             smaller.
-        compared_lists: light lists that are compared for that.
+        compared_lists: light lists that are compared for that; more pixels tell more than more lists.
         fewest_probes: pixels in which they are compared, at least.
         most_probes: the same at most.
-        paths_a_light_sample: paths of the rendering per light sample of that estimate, which keeps it to a few percent
-            of the time.
+        paths_a_light_sample: paths of the rendering per light sample of that estimate, which keeps it to a percent of
+            the time.
         cache_probes: pixels in which two radiance caches are compared.
         cache_samples: paths in each of them.
         layer_subpixels: points along each side of a pixel over which normal and albedo are averaged.
@@ -89,12 +89,12 @@ class FilmParameters:
     seconds_between_errors: NotNegative = 0.5
     error_time_share: Positive = 0.05
     worth_shared: NotNegative = 0.05
-    compared_lists: Count = 8
-    fewest_probes: Count = 8
+    compared_lists: Annotated[Count, Field(ge=2)] = 2
+    fewest_probes: Count = 12
     most_probes: Count = 64
-    paths_a_light_sample: Count = 5
+    paths_a_light_sample: Count = 20
     cache_probes: Count = 512
-    cache_samples: Count = 32
+    cache_samples: Count = 16
     layer_subpixels: Count = 2
     edge_samples: PowerOfTwo = 32
     highlight_samples: Count = 64

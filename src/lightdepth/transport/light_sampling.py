@@ -217,6 +217,7 @@ class LightSampling:
         weight_samples = self.weight_samples(vertex.in_difference)
         value *= light.radiance * (mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20))
         useful = (vertex.on_synthetic | vertex.on_support) & (pdf > 0.0) & (dr.max(value) > 0.0)
+        useful &= ~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction)
         value *= self.visible(vertex, light, direction, distance, mi.Bool(True), vertex.in_difference, useful)
         return dr.select(useful, value, 0.0)
 
