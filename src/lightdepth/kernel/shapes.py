@@ -17,7 +17,7 @@ from lightdepth.errors import InputError
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.textures import TextureCache
-from lightdepth.kernel.tracing import CAN_INSTANCE, Instances, Prototype
+from lightdepth.kernel.tracing import Instances, Prototype
 from lightdepth.scene.identity import digest
 from lightdepth.scene.materials import Material
 from lightdepth.scene.meshes.geometry import expanded
@@ -183,7 +183,7 @@ def _prototypes(parts: Sequence[SyntheticPart], limits: Sequence[int | None]) ->
 
 def _stays_instanced(part: SyntheticPart, expanded_triangles: int) -> bool:
     """Whether a part stands once in memory: lamps do not, which are sampled by their surface, and what is as small."""
-    if part.places is None or not CAN_INSTANCE or "emitter" in part.material.plugins():
+    if part.places is None or "emitter" in part.material.plugins():
         return False
     assert isinstance(part.geometry, Mesh)
     triangles = len(part.geometry.faces)
@@ -241,6 +241,22 @@ def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | No
     if mesh.colors is not None:
         shape.add_attribute("vertex_color", 3, _flat(mesh.colors))
     return shape
+
+
+def moved_copy(shape: mi.Shape, offset: np.ndarray) -> mi.Shape:
+    """The geometry of a shape once more.
+
+    Args:
+        shape: a mesh or an analytic shape.
+        offset: by which the copy is moved, world, metres, shape (3,).
+    """
+    parameters = mi.traverse(shape)
+    if "vertex_positions" in parameters:
+        vertices, faces = mesh_of(shape)  # type: ignore[misc]
+        return mesh_shape(Mesh((vertices + offset).astype(np.float32), faces.astype(np.int32)))
+    to_world = np.array(parameters["to_world"].matrix, np.float64).reshape(4, 4)
+    to_world[:3, 3] += offset
+    return load({"type": shape.class_name().lower(), "to_world": mi.ScalarTransform4f(to_world)})
 
 
 def is_polished(shape: mi.Shape) -> bool:

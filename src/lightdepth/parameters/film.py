@@ -26,6 +26,7 @@ class FilmParameters:
         light_paths_share: light paths per camera path, where objects are polished.
         light_paths_at_once: largest number of light paths in one block, which bounds the memory.
         paths_at_once: paths of one pass; more gain no speed.
+        gpu_lane_paths: paths that a lane of a GPU follows one after the other, at most: it wants many lanes.
         samples_at_once: samples that a pixel gets at most before all others have theirs.
         packet_distance: packets of pixels that want equally many samples are at least so far apart, where there are
             enough, so that no processor core is left with all of the long ones.
@@ -74,6 +75,7 @@ class FilmParameters:
     light_paths_share: Positive = 0.5
     light_paths_at_once: Count = 1 << 19
     paths_at_once: Count = 1 << 21
+    gpu_lane_paths: Count = 16
     samples_at_once: Count = 512
     packet_distance: Annotated[Count, Field(le=256)] = 64
     pilot_samples: Count = 16

@@ -86,6 +86,7 @@ class Place:
         place = copy(self)
         place.surfaces = surfaces
         place.photograph = self.photograph.with_surfaces(surfaces)
+        place.suns = tuple(sun.with_surfaces(surfaces) for sun in self.suns)
         return place
 
     def with_mirrored(self, images: Sequence[NDArray[np.float32]], glosses: tuple[Gloss, ...]) -> Place:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.tracing import first_interaction, loop_mode, meets
+from lightdepth.kernel.tracing import first_interaction, meets
 from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.place import Place
@@ -340,7 +340,7 @@ class LightSampling:
         """The same where materials have holes: from surface to surface."""
         materials = self._surfaces.materials
         ray, active, passed = mi.Ray3f(ray), mi.Bool(active), mi.Float(1.0)
-        while dr.hint(active, mode=loop_mode()):
+        while dr.hint(active, mode="symbolic"):
             si = first_interaction(self._surfaces.synthetic, ray, active)
             active &= si.is_valid()
             transmission = materials.null_transmission(materials.index(si, active), si, active)
