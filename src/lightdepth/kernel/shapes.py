@@ -29,6 +29,8 @@ FEW_TRIANGLES = 16
 """Of a mesh that takes less memory at each of its places than a place does."""
 NUMBERS = 128
 """Shapes of this many parts, of all scenes in memory, for which kernels stay the same."""
+Extent = tuple[tuple[np.ndarray, float], tuple[np.ndarray, np.ndarray] | None]
+"""A sphere around a shape, and the vertices, shape (n, 3), and faces, shape (m, 3), of a mesh, ``None`` of another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class SyntheticShapes:
 
     numbered: tuple[tuple[int, mi.Shape], ...]
     spheres: tuple[tuple[np.ndarray, float], ...]
-    parts: tuple[tuple[tuple[np.ndarray, float], tuple[np.ndarray, np.ndarray] | None], ...]
+    parts: tuple[Extent, ...]
     around_instances: tuple[np.ndarray, np.ndarray]
     plain: tuple[mi.Shape, ...]
     instances: Instances | None
@@ -83,10 +85,10 @@ def synthetic_shapes(scene: Scene) -> SyntheticShapes:
             place = f'[[synthetic]] {index + 1} ("{scene.synthetic[index].name}"): material'
             raise InputError(f"{scene.path or 'scene'}: {place}: {error}") from error
         shapes.append((index, shape))
-        spheres.append(enclosing_sphere(shape) if prototype is None else prototype.sphere())
+        spheres.append(builder.extent(shape)[0] if prototype is None else prototype.sphere())
     _last = builder.without_predecessor()
     plain = tuple(shape for number, (_, shape) in enumerate(shapes) if number not in owners)
-    outline = [(spheres[number], mesh_of(shape)) for number, (_, shape) in enumerate(shapes) if number not in owners]
+    outline = [builder.extent(shape) for number, (_, shape) in enumerate(shapes) if number not in owners]
     around = [prototype.spheres() for prototype in prototypes] or [(np.zeros((0, 3)), np.zeros(0))]
     centres, radii = (np.concatenate(values) for values in zip(*around, strict=True))
     instances = None
@@ -303,6 +305,7 @@ class _Builder:
         self._textures = TextureCache()
         self._bsdfs: dict[str, mi.BSDF] = {}
         self._shapes: dict[str, mi.Shape] = {}
+        self._extents: dict[int, Extent] = {}
 
     def without_predecessor(self) -> _Builder:
         """The same, for a successor; what the predecessor made, and nothing uses now, is free."""
@@ -318,6 +321,14 @@ class _Builder:
         bsdf = self._bsdf(part.material, v_up=isinstance(part.geometry, AnalyticShape))
         self._shapes[key] = known or self._made(part, bsdf)
         return self._shapes[key]
+
+    def extent(self, shape: mi.Shape) -> Extent:
+        """A sphere around one of the shapes, and its mesh: the same arrays for the same shape."""
+        key = id(shape)  # Both builders keep their shapes.
+        known = None if self._predecessor is None else self._predecessor._extents.get(key)
+        if key not in self._extents:
+            self._extents[key] = known or (enclosing_sphere(shape), mesh_of(shape))
+        return self._extents[key]
 
     def _made(self, part: SyntheticPart, bsdf: mi.BSDF) -> mi.Shape:
         geometry = part.geometry

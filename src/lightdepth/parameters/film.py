@@ -76,7 +76,7 @@ class FilmParameters:
     light_paths_at_once: Count = 1 << 19
     paths_at_once: Count = 1 << 21
     gpu_lane_paths: Count = 16
-    samples_at_once: Count = 256
+    samples_at_once: Count = 512
     packet_distance: Annotated[Count, Field(le=256)] = 64
     pilot_samples: Count = 16
     unchanged_pilot: Count = 2

@@ -90,6 +90,7 @@ class Cones:
             self._squared_chords.append(versine * (2.0 * ROUNDING))
             self._solid_angles.append(dr.two_pi * versine)
             self.solid_angle += self._solid_angles[-1]
+        self._density = dr.select(self.solid_angle > 0.0, dr.rcp(self.solid_angle), 0.0)
 
     @property
     def directed_share(self) -> mi.Float:
@@ -111,7 +112,7 @@ class Cones:
             # By the chord: the cosine of a small angle is 1 in single precision, and a direction that was drawn but is
             # not recognised would get the weight of one that was drawn by chance.
             covering += dr.select(dr.squared_norm(direction - axis) <= squared_chord, 1.0, 0.0)
-        return dr.select(self.solid_angle > 0.0, covering / self.solid_angle, 0.0)
+        return covering * self._density
 
 
 class Beams:
