@@ -43,10 +43,11 @@ class SharedPoints:
         second: unit directions in the second panorama's light space, shape (n, 3).
         places: world, metres, shape (n, 3); NaN where it is not known.
         origin: the first capture point, world, metres, shape (3,).
-        click_error: standard deviation, radians.
+        click_errors: standard deviation of each pair, radians, shape (n,): of the second click where the place is known
+            but for the first one's, of both clicks otherwise.
         baseline: between the two capture points, metres; ``None`` where it is not known.
-        cosine: of the angle at which the first ray meets the surface, shape (n,): places on surfaces seen at
-            a grazing angle are off by more, along the ray. ``None`` takes all as facing.
+        normals: unit, of the surface at each place, shape (n, 3): places on surfaces that the first ray meets at a grazing
+            angle are off by more, along the ray. ``None`` takes all as facing.
     """
 
     names: tuple[str, ...]
@@ -54,9 +55,9 @@ class SharedPoints:
     second: FloatArray
     places: FloatArray
     origin: FloatArray
-    click_error: float
+    click_errors: FloatArray
     baseline: float | None = None
-    cosine: FloatArray | None = None
+    normals: FloatArray | None = None
 
     @property
     def placed(self) -> NDArray[np.bool_]:
@@ -71,7 +72,8 @@ class SharedPoints:
             first=self.first[chosen],
             second=self.second[chosen],
             places=self.places[chosen],
-            cosine=None if self.cosine is None else self.cosine[chosen],
+            click_errors=self.click_errors[chosen],
+            normals=None if self.normals is None else self.normals[chosen],
         )
 
 
@@ -120,7 +122,7 @@ def relate(points: SharedPoints) -> RelativePose:
             words = f"; without {points.names[worst]} they agree to {np.degrees(residual):.2f} degrees: look at it"
         raise InputError(
             f"the shared points contradict each other: no pose fits them better than {np.degrees(pose.residual):.2f} "
-            f"degrees (clicks are taken to be right to {np.degrees(points.click_error):.2f}){words}"
+            f"degrees (clicks are taken to be right to {np.degrees(points.click_errors.max()):.2f}){words}"
         )
     return pose
 
@@ -155,6 +157,27 @@ def relate_robustly(points: SharedPoints, tolerance: float) -> tuple[RelativePos
         starts = [Rotation.from_matrix(pose.rotation)]
         agree = _off(points, pose.rotation, pose.position) < tolerance
     return _solved(points.some(agree), starts), agree
+
+
+def refine(points: SharedPoints, pose: RelativePose) -> RelativePose:
+    """The pose from points that are known better than before.
+
+    Its expected errors are larger where the points agree less than their own errors let expect, as they do where the model
+    is a little off.
+
+    Args:
+        points: all of which count.
+        pose: near the solution.
+    """
+    refined = _solved(points, [Rotation.from_matrix(pose.rotation)])
+    count = len(points.names)
+    # Two numbers a point, of which the pose fits six.
+    excess = max(1.0, refined.misfit * float(np.sqrt(count / max(2 * count - 6, 1))))
+    return replace(
+        refined,
+        direction_error=refined.direction_error * excess,
+        position_error=refined.position_error * excess,
+    )
 
 
 def check_enough(points: SharedPoints) -> None:
@@ -292,9 +315,11 @@ def _spread(points: SharedPoints, position: FloatArray, along: bool = True) -> F
     """
     near = np.linalg.norm(points.places - points.origin, axis=1)
     far = np.maximum(np.linalg.norm(points.places - position, axis=1), 0.1 * near)
-    facing = 1.0 if points.cosine is None or not along else np.maximum(points.cosine, GRAZING)
+    facing = np.ones(len(near))
+    if along and points.normals is not None:
+        facing = np.maximum(np.abs((points.first * points.normals).sum(axis=1)), GRAZING)
     share = np.nan_to_num(near / np.maximum(far, 1e-9) / facing)
-    return points.click_error * np.sqrt(1.0 + share**2)
+    return points.click_errors * np.sqrt(1.0 + share**2)
 
 
 def _whitening(points: SharedPoints, position: FloatArray) -> FloatArray:

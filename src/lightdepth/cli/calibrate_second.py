@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from lightdepth.calibration.relative_pose import RelativePose, SharedPoints
     from lightdepth.scene.model import Scene
 
+WELL_KNOWN = 0.05
+"""Share of the baseline that the expected error of the position may be; beyond it a warning says so."""
+
 
 def second(
     panorama: Annotated[Path, typer.Argument(help="The second panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
@@ -29,6 +32,13 @@ def second(
         list[str] | None,
         typer.Option(help="The same, of a point on the floor (z = 0), which needs no model.", metavar="POINT=POINT"),
     ] = None,
+    snap: Annotated[
+        bool,
+        typer.Option(
+            "--snap",
+            help="Move the clicks on the second panorama to where it shows what the first one shows around its clicks.",
+        ),
+    ] = False,
     auto: Annotated[bool, typer.Option("--auto", help="Find shared points by features.")] = False,
     baseline: Annotated[
         float | None,
@@ -81,21 +91,21 @@ def second(
         check_writable(write)
     if auto == bool(match or floor_match):
         raise InputError("give either shared points (--match, --floor-match), or --auto")
+    if snap and auto:
+        raise InputError("--snap moves clicked points; the features of --auto are precise")
     loaded = load_scene(scene)
     image = read_panorama(panorama)
     radiance = validate_panorama(image.radiance, panorama, repair=True)
     degrees = click_error * 360.0 / min(radiance.shape[1], loaded.panorama.radiance.shape[1])
     if auto:
-        points, pose, matched = _by_features(loaded, radiance, panorama, baseline)
+        (points, pose, matched), moved = _by_features(loaded, radiance, panorama, baseline), None
     else:
         points = _clicked(loaded, radiance.shape[:2], match or [], floor_match or [], baseline, math.radians(degrees))
-        pose, matched = relate(points), None
-    report = _report(points, pose, matched)
-    report["warnings"] += list(image.notes)
-    if pose.position_error > 0.05 * max(report["baseline"], 1e-6):
-        report["warnings"].append(
-            f"the position is only known to about {100.0 * pose.position_error:.0f} cm: add near points all around"
-        )
+        pose, matched, moved = relate(points), None, None
+        if snap:
+            points, pose, moved = _snapped(loaded, radiance, points, pose)
+    report = _report(points, pose, matched, moved)
+    report["warnings"] += list(image.notes) + _doubts(points, pose, report)
     if write is not None:
         write_further_pose(write, panorama, report["rotation"], report["position"])
     if picture is not None:
@@ -121,7 +131,7 @@ def _clicked(
     from lightdepth.scene.spot import find_spot
 
     first = loaded.panorama
-    names, ones, others, places, cosines = [], [], [], [], []
+    names, ones, others, places, normals = [], [], [], [], []
     for option, texts in (("--match", matches), ("--floor-match", floor_matches)):
         for number, text in enumerate(texts, start=1):
             name = f"{option} {number}"
@@ -137,15 +147,27 @@ def _clicked(
                 if ray[2] > -0.01 or first.position[2] <= 0.0:
                     raise InputError(f"{name}: {here.strip()} is not below the horizon of the first panorama")
                 places.append(first.position - ray * first.position[2] / ray[2])
-                cosines.append(-float(ray[2]))
+                normals.append(np.array([0.0, 0.0, 1.0]))
             else:
                 spot = find_spot(first, loaded.real, one)
                 places.append(np.full(3, np.nan) if spot is None else spot.point)
-                cosines.append(1.0 if spot is None else abs(float(ray @ spot.normal)))
+                normals.append(-ray if spot is None else spot.normal)
             names.append(name)
             ones.append(ray)
     shown = np.array(ones), np.array(others), np.array(places)
-    return SharedPoints(tuple(names), *shown, first.position, click_error, baseline, np.array(cosines))
+    errors = np.full(len(names), click_error)
+    return SharedPoints(tuple(names), *shown, first.position, errors, baseline, np.array(normals))
+
+
+def _snapped(
+    loaded: Scene, radiance: Any, points: SharedPoints, pose: RelativePose
+) -> tuple[SharedPoints, RelativePose, Any]:
+    """The points with the second clicks moved, the pose, and which were moved."""
+    from lightdepth.calibration.shared_point_snapping import snap_shared_points
+    from lightdepth.kernel.raycasting import RayCaster
+
+    first, caster = loaded.panorama, RayCaster([surface.mesh for surface in loaded.real])
+    return snap_shared_points(points, pose, first.radiance, first.rotation, radiance, caster)
 
 
 def _by_features(
@@ -176,7 +198,7 @@ def _by_features(
         met = np.isfinite(distance)
         places[met] = origins[met] + rays[met] * distance[met, None]
     names = tuple(f"feature {number}" for number in range(1, len(here) + 1))
-    points = SharedPoints(names, rays, there, places, first.position, np.radians(0.15), baseline)
+    points = SharedPoints(names, rays, there, places, first.position, np.full(len(rays), np.radians(0.15)), baseline)
     check_enough(points)
     pose, agree = relate_robustly(points, np.radians(tolerance))
     count = int(agree.sum())
@@ -188,7 +210,30 @@ def _by_features(
     return points.some(agree), pose, len(here)
 
 
-def _report(points: SharedPoints, pose: RelativePose, matched: int | None) -> dict[str, Any]:
+def _doubts(points: SharedPoints, pose: RelativePose, report: dict[str, Any]) -> list[str]:
+    """What is said where the position is not known well, or clicks could not be moved."""
+    import math
+
+    doubts = []
+    still = [] if report["snapped"] is None else [name for name, moved in report["snapped"].items() if not moved]
+    if still:
+        doubts.append(
+            f"--snap left {', '.join(still)} where clicked: the second panorama does not show clearly one place there that "
+            "looks as in the first, or no surface is known there"
+        )
+    share = pose.position_error / max(report["baseline"], 1e-6)
+    if share > WELL_KNOWN:
+        # Errors fall with the square root of the number of points.
+        enough = math.ceil(len(points.names) * (share / WELL_KNOWN) ** 2)
+        remedy = "add near points all around" + ("" if report["snapped"] else ", or --snap them")
+        doubts.append(
+            f"the position is only known to about {100.0 * pose.position_error:.0f} cm, {100.0 * share:.0f} % of the "
+            f"baseline: {remedy}; about {enough} points like these give {100.0 * WELL_KNOWN:.0f} %"
+        )
+    return doubts
+
+
+def _report(points: SharedPoints, pose: RelativePose, matched: int | None, moved: Any) -> dict[str, Any]:
     """The result as plain numbers: what ``--json`` prints."""
     import numpy as np
 
@@ -202,6 +247,7 @@ def _report(points: SharedPoints, pose: RelativePose, matched: int | None) -> di
         "points": len(points.names),
         "on_surfaces": int(points.placed.sum()),
         "matched": matched,
+        "snapped": None if moved is None else dict(zip(points.names, moved.tolist(), strict=True)),
         "residual_degrees": round(float(np.sqrt(np.mean(degrees**2))), 4),
         "residual_centimetres": round(float(np.sqrt(np.mean(pose.centimetres**2))), 3),
         "residuals": {
@@ -220,6 +266,8 @@ def _rows(report: dict[str, Any]) -> Iterator[tuple[str, str, str]]:
     yield "position", numbers(report["position"]), f"metres, world, +-{report['position_error']:.3f}"
     yield "baseline", f"{report['baseline']:.3f}", "metres from the first capture point"
     found = "" if report["matched"] is None else f" of {report['matched']} features that look alike"
+    if report["snapped"] is not None:
+        found = f", {sum(report['snapped'].values())} moved to where the second panorama shows them"
     yield "points", f"{report['points']}", f"{report['on_surfaces']} on surfaces{found}"
     centimetres = f"{report['residual_centimetres']:.1f} cm"
     yield "residual", f"{report['residual_degrees']:.3f}", f"degrees, {centimetres}, root mean square"

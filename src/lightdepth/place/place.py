@@ -93,6 +93,7 @@ class Place:
         place = copy(self)
         place.surfaces = surfaces
         place.photograph = self.photograph.with_surfaces(surfaces)
+        place.suns = tuple(sun.with_surfaces(surfaces) for sun in self.suns)
         return place
 
     def with_mirrored(self, images: Sequence[NDArray[np.float32]], glosses: tuple[Gloss, ...]) -> Place:
@@ -158,12 +159,13 @@ class Place:
             ``(unit direction, distance in metres or inf, density per steradian at the point)``: eq. (8).
         """
         offset = light.position - mi.Vector3f(point)
-        distance = dr.norm(offset)
-        direction = dr.select(light.finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), light.position)
+        squared = dr.squared_norm(offset)
+        reciprocal = dr.rsqrt(dr.maximum(squared, 1e-36))
+        direction = dr.select(light.finite, offset * reciprocal, light.position)
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
-        pdf = dr.select(light.finite, light.density * dr.square(distance) / cosine, light.density)
+        pdf = dr.select(light.finite, light.density * squared / cosine, light.density)
         pdf = dr.select(self.leaves(light, -direction), pdf, 0.0) if self.photograph.one_sided else pdf
-        return direction, dr.select(light.finite, distance, dr.inf), pdf
+        return direction, dr.select(light.finite, squared * reciprocal, dr.inf), pdf
 
     def leaves(self, light: LightSample, direction: mi.Vector3f) -> mi.Bool:
         """Whether light leaves the samples in unit directions, world: some know one side of their surface only."""

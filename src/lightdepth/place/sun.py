@@ -7,6 +7,7 @@ patches on the floor, is in the photograph; what it would do to new objects is n
 from __future__ import annotations
 
 import math
+from copy import copy
 
 import drjit as dr
 import mitsuba as mi
@@ -56,6 +57,12 @@ class Sun(RealLight):
             self._mask = mi.Texture2f(mi.TensorXf(np.ascontiguousarray(image, np.float32)), wrap_mode=dr.WrapMode.Clamp)
             self._mask_extent = dr.opaque(mi.Vector4f, settings.mask_extent)
         self._shadow_map = _ShadowMap(settings.direction, surfaces) if surfaces.has_real else None
+
+    def with_surfaces(self, surfaces: TracedSurfaces) -> Sun:
+        """The same sun, blocked by other meshes of the same surfaces."""
+        sun = copy(self)
+        sun.surfaces = surfaces
+        return sun
 
     def sample(self, u: mi.Float, v: mi.Float) -> LightSample:
         """Directions toward the disc, uniform over its solid angle, by uniform random numbers in [0, 1)."""

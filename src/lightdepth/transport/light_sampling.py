@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.tracing import first_interaction, loop_mode, meets
+from lightdepth.kernel.tracing import first_interaction, meets
 from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.place import Place
@@ -230,6 +230,7 @@ class LightSampling:
         weight_samples = self.weight_samples(vertex.in_difference)
         value *= light.radiance * (mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20))
         useful = (vertex.on_synthetic | vertex.on_support) & (pdf > 0.0) & (dr.max(value) > 0.0)
+        useful &= ~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction)
         value *= self.visible(vertex, light, direction, distance, mi.Bool(True), vertex.in_difference, useful)
         return dr.select(useful, value, 0.0)
 
@@ -269,15 +270,20 @@ class LightSampling:
             light = lights.outline(u_candidate, active)
             direction, _, pdf = self._place.toward(light, vertex.point)
             value, scattering_pdf = self.scattering(context, vertex, direction, active)
-            weight = mis_weight(pdf * weight_samples, scattering_pdf) / dr.maximum(pdf, 1e-20)
-            counts = (pdf > 0.0) & (~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction))
+            # `mis_weight` over the pdf: divisions take most of the time here.
+            weighed = pdf * weight_samples
+            weight = weight_samples * weighed / (dr.square(weighed) + dr.square(scattering_pdf))
+            counts = (weighed > 0.0) & (
+                ~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction)
+            )
             target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
             total += target
             # One random number serves all candidates: rescaled after each decision, it is uniform again.
-            share = target / dr.maximum(total, 1e-30)
-            taken = u_select < share
-            u_select = dr.select(taken, u_select, u_select - share)
-            u_select /= dr.maximum(dr.select(taken, share, 1.0 - share), 1e-12)
+            whole = dr.maximum(total, 1e-30)
+            u_select *= whole
+            taken = u_select < target
+            u_select = dr.select(taken, u_select, u_select - target)
+            u_select /= dr.maximum(dr.select(taken, target, whole - target), 1e-12 * whole)
             kept, kept_target = dr.select(taken, u_candidate, kept), dr.select(taken, target, kept_target)
             candidate += 1
         return kept, dr.select(kept_target > 0.0, total / dr.maximum(kept_target, 1e-30), 0.0)
@@ -347,7 +353,7 @@ class LightSampling:
         """The same where materials have holes: from surface to surface."""
         materials = self._surfaces.materials
         ray, active, passed = mi.Ray3f(ray), mi.Bool(active), mi.Float(1.0)
-        while dr.hint(active, mode=loop_mode()):
+        while dr.hint(active, mode="symbolic"):
             si = first_interaction(self._surfaces.synthetic, ray, active)
             active &= si.is_valid()
             transmission = materials.null_transmission(materials.index(si, active), si, active)

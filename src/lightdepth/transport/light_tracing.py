@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.tracing import first_hit, interaction, loop_mode, meets
+from lightdepth.kernel.tracing import first_hit, interaction, meets
 from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.object_bounds import ObjectBounds
@@ -242,7 +242,7 @@ class LightTracer:
     @dr.syntax
     def _scattered_on_objects(self, path: LightPath) -> LightPath:
         """Follow paths from object to object until they end."""
-        while dr.hint(path.active, mode=loop_mode()):
+        while dr.hint(path.active, mode="symbolic"):
             path = self._advance(path)
         return path
 
