@@ -1,6 +1,6 @@
 """Another machine than this one: instruction set, threads and seed of a run, from the environment.
 
-`LIGHTDEPTH_TEST_TARGET` names one of `TARGETS`, `LIGHTDEPTH_TEST_THREADS` how many threads compute, and
+`LIGHTDEPTH_TEST_TARGET` names one of `TARGETS`, `LIGHTDEPTH_THREADS` how many threads compute, as for users, and
 `LIGHTDEPTH_TEST_SEED` a number that all random numbers of rendering and recovery then depend on.
 `make test-machines` runs the statistical tests under several of each.
 """
@@ -12,8 +12,6 @@ import resource
 import subprocess
 import sys
 from pathlib import Path
-
-import numpy as np
 
 TARGETS = {
     "sse4.2": ("x86-64-v2", "+fma", 4),
@@ -44,20 +42,12 @@ def runnable_targets() -> list[str]:
 
 
 def apply() -> str:
-    """Compute as the environment says; returns a line about it, empty where it says nothing."""
-    target, threads = os.environ.get("LIGHTDEPTH_TEST_TARGET"), os.environ.get("LIGHTDEPTH_TEST_THREADS")
-    said = []
+    """Compute as the environment says; returns a line about it."""
+    target = os.environ.get("LIGHTDEPTH_TEST_TARGET")
+    said = [f"threads {os.environ['LIGHTDEPTH_THREADS']}"]
     if target:
         _force_target(target)
         said.append(f"instructions {target}")
-    if threads:
-        from lightdepth.kernel.start import start
-
-        start("cpu")
-        import drjit as dr
-
-        dr.set_thread_count(int(threads))
-        said.append(f"{threads} threads")
     if SEED:
         _shift_seeds(SEED)
         said.append(f"seed {SEED}")
@@ -87,6 +77,8 @@ def _force_target(name: str) -> None:
 
 def _shift_seeds(seed: int) -> None:
     """Other random numbers for everything that begins with a seed, in NumPy and in the kernels."""
+    import numpy as np
+
     plain = np.random.default_rng
 
     def shifted(given=None):
@@ -133,11 +125,11 @@ def main() -> int:
     failed = 0
     for seed in range(arguments.first, arguments.first + arguments.runs)[part - 1 :: parts]:
         settings = {
-            "TARGET": targets[seed % len(targets)],
+            "TEST_TARGET": targets[seed % len(targets)],
             "THREADS": str(THREADS[seed % len(THREADS)]),
-            "SEED": str(seed),
+            "TEST_SEED": str(seed),
         }
-        environment = {**os.environ, **{f"LIGHTDEPTH_TEST_{name}": value for name, value in settings.items()}}
+        environment = {**os.environ, **{f"LIGHTDEPTH_{name}": value for name, value in settings.items()}}
         command = [sys.executable, "-m", "pytest", "-q", "--no-header", "-p", "no:cacheprovider", "--durations=3"]
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         done = subprocess.run(
@@ -146,7 +138,7 @@ def main() -> int:
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         lines = done.stdout.splitlines()
         seconds = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
-        what = ", ".join(f"{name.lower()} {value}" for name, value in settings.items())
+        what = ", ".join(f"{name.removeprefix('TEST_').lower()} {value}" for name, value in settings.items())
         print(f"{what}: {lines[-1] if lines else done.stderr[-300:]} ({seconds:.0f} s of processor time)", flush=True)
         for line in lines:
             if line.startswith(("FAILED", "ERROR")):

@@ -32,7 +32,9 @@ def test_a_block_that_is_a_percent_darker_is_caught(pictures: np.ndarray) -> Non
     assert found["most"] == pytest.approx(-0.01, rel=1e-6)
 
 
-def test_another_plate_is_caught(pictures: np.ndarray) -> None:
+def test_another_plate_is_caught_but_not_a_ray_that_grazes_an_edge(pictures: np.ndarray) -> None:
     plate = PLATE.copy()
     plate[0, 0] *= 1.01
+    assert compare(pictures, pictures, PLATE, plate)["agree"]
+    plate[0, :10] *= 1.01
     assert not compare(pictures, pictures, PLATE, plate)["agree"]

@@ -17,7 +17,15 @@ from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.errors import InputError  # noqa: E402
 from lightdepth.film.checkpoint import resume, write_checkpoint  # noqa: E402
 from lightdepth.film.sums import Share, merge  # noqa: E402
-from lightdepth.parameters import FilmParameters, Parameters, RecoveryParameters, TransportParameters  # noqa: E402
+from lightdepth.lighting.clipped_sources import find_plateaus  # noqa: E402
+from lightdepth.lighting.panorama_view import PanoramaView  # noqa: E402
+from lightdepth.parameters import (  # noqa: E402
+    FilmParameters,
+    LightingParameters,
+    Parameters,
+    RecoveryParameters,
+    TransportParameters,
+)
 from lightdepth.preparation.place import forget_places, prepare_place  # noqa: E402
 from lightdepth.scene.identity import scene_digest  # noqa: E402
 from lightdepth.scene.load import load_scene  # noqa: E402
@@ -100,6 +108,14 @@ def test_parameters_do_what_they_say(scene):
     assert (taken % 4 != 0).any()
 
 
+def test_light_is_recovered_with_the_scene_s_parameters(scene):
+    other = varied(scene, lighting=LightingParameters(largest_width=32, plateau_fewest_pixels=1 << 20))
+    assert (PanoramaView(scene).width, PanoramaView(other).width) == (64, 32)
+    everywhere_sky = np.full(scene.panorama.radiance.shape[:2], np.inf, np.float32)
+    assert find_plateaus(scene, everywhere_sky)
+    assert not find_plateaus(other, everywhere_sky)
+
+
 @pytest.mark.parametrize(
     ("kind", "wrong"),
     [
@@ -113,6 +129,7 @@ def test_parameters_do_what_they_say(scene):
         (FilmParameters, {"packet_distance": 512}),
         (TransportParameters, {"smallest_cell": 5.0}),
         (RecoveryParameters, {"unseen_share": -0.1}),
+        (LightingParameters, {"search_darkest": 0.5}),
     ],
 )
 def test_what_is_out_of_range_is_refused(kind, wrong):

@@ -97,6 +97,16 @@ def test_a_camera_that_sees_behind_furniture_is_reported_with_the_share():
     screen = RealSurface("screen", box([-1.0, 0.5, 0.0], [0.02, 0.52, 2.5]), Role.ENVIRONMENT)
     blocked = replace(scene(real=[*room(), screen]), cameras={"view": camera([0.3, 0.4, 1.25], (-1.0, 3.0, 1.0))})
     (hint,) = [
-        p.message for p in camera_problems(blocked, [look_around(blocked)]) if "occluded from there" in p.message
+        p.message for p in camera_problems(blocked, [look_around(blocked)], {}) if "occluded from there" in p.message
     ]
     assert int(hint.split(" % of")[0].split()[-1]) > 15
+
+
+def test_what_is_kept_of_a_camera_is_of_that_camera_and_of_what_was_asked():
+    far, other = camera([2.0, 2.5, 1.0]), camera([9.0, 0.0, 1.2])
+    one, two = (replace(scene(), cameras={"view": each}) for each in (far, other))
+    quiet = [problem for problem in find_problems(one, hints=False) if "[camera.view]" in problem.message]
+    assert not quiet
+    for _ in range(2):
+        assert sum("from the capture point, and surfaces" in message for _, message in messages(one)) == 1
+        assert sum("is outside the room" in message for _, message in messages(two)) == 1

@@ -19,7 +19,7 @@ from lightdepth.film.pixel_list import PixelList  # noqa: E402
 from lightdepth.film.schedule import passes  # noqa: E402
 from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from lightdepth.scene.model import Role  # noqa: E402
-from tests.chance import check_mean  # noqa: E402
+from tests.chance import Seen, check_mean, check_seen  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, one_pass, picture, room  # noqa: E402
 
 PILOT_SAMPLES = FilmParameters().pilot_samples
@@ -47,29 +47,33 @@ def test_estimated_variance_is_the_spread_over_seeds(seeds):
         # Trimmed, because a few fireflies hold most of the plain sum.
         few = np.quantile(spread[where], 0.98)
         where = where & (spread < few)
-        assert 0.2 < spread[where].sum() / estimated[where].sum() < 1.25
+        check_seen(spread[where].sum() / estimated[where].sum(), Seen(0, 0, 0, 0), 0.2, 1.25)
 
 
 def test_a_draft_shows_its_true_error(scene, seeds):
     """One sample a pixel: the error against the mean of many pictures is the one that is reported."""
     truth = np.mean([frame.beauty for frame in seeds], axis=0, dtype=np.float64)
-    rendering = begin_rendering(scene, "view", seed=77)
-    *_, last = rendering.run(1)
-    draft = rendering.frame(auxiliary=False)
-    brightness = truth.mean(axis=2) + 0.1 * np.median(draft.plate.mean(axis=2))
-    error = ((draft.beauty - truth).mean(axis=2) / brightness)[draft.samples > 0]
-    assert last.error == pytest.approx(np.sqrt(np.mean(error**2)), rel=0.35)
-    assert last.error > 0.05
+    reported, true = [], []
+    for seed in range(77, 85):
+        rendering = begin_rendering(scene, "view", seed=seed)
+        *_, last = rendering.run(1)
+        draft = rendering.frame(auxiliary=False)
+        brightness = truth.mean(axis=2) + 0.1 * np.median(draft.plate.mean(axis=2))
+        error = ((draft.beauty - truth).mean(axis=2) / brightness)[draft.samples > 0]
+        reported.append(last.error**2)
+        true.append(np.mean(error**2))
+    check_seen(np.log(np.mean(reported) / np.mean(true)), Seen(0, 0, 0, 0), -0.8, 0.8)
+    check_seen(np.sqrt(np.mean(reported)), Seen(0, 0, 0, 0), low=0.05)
 
 
 def test_samples_go_where_the_error_is(scene):
     frame = lightdepth.render(scene, "view", samples=64)
-    assert frame.samples.mean() == pytest.approx(64, rel=0.05)
+    check_seen(frame.samples.mean() / 64, Seen(0, 0, 0, 0), 0.95, 1.05)
     assert frame.samples.min() >= PILOT_SAMPLES
     per_sample = np.sqrt(frame.variance.mean(axis=2) * frame.samples)
     noisy = per_sample > np.quantile(per_sample, 0.9)
     quiet = per_sample < np.quantile(per_sample, 0.5)
-    assert frame.samples[noisy].mean() > 2 * frame.samples[quiet].mean()
+    check_seen(frame.samples[noisy].mean() / frame.samples[quiet].mean(), Seen(0, 0, 0, 0), low=2.0)
 
 
 def test_a_pixels_own_luck_does_not_decide_how_many_samples_it_gets(scene):
@@ -87,17 +91,17 @@ def test_noise_stops_near_its_target_and_counts_samples_truly(scene):
     rendering = begin_rendering(scene, "view", seed=5)
     steps = list(rendering.run(4096, target))
     assert steps[-1].fraction == 1.0
-    assert PILOT_SAMPLES <= steps[-1].samples < 2048
+    assert steps[-1].samples >= PILOT_SAMPLES
+    check_seen(steps[-1].samples, Seen(0, 0, 0, 0), high=2048)
     frame = rendering.frame(auxiliary=False)
     assert frame.samples.max() <= 4096 + 4
     # Pixel by pixel: in the root mean square a few outliers that reached the largest number of samples weigh most.
     relative = np.sqrt(frame.variance.mean(axis=2)) / (frame.beauty.mean(axis=2) + 0.1 * np.median(frame.plate))
     sampled = relative[frame.samples > 0]
-    assert np.quantile(sampled, 0.9) < 1.3 * target
-    assert np.quantile(sampled, 0.9) > 0.3 * target
+    check_seen(np.quantile(sampled, 0.9) / target, Seen(0, 0, 0, 0), 0.3, 1.3)
     assert frame.samples.mean() == pytest.approx(steps[-1].samples, rel=1e-3)
     looser = begin_rendering(scene, "view", seed=5)
-    assert list(looser.run(4096, 0.1))[-1].samples < 0.8 * steps[-1].samples
+    check_seen(list(looser.run(4096, 0.1))[-1].samples / steps[-1].samples, Seen(0, 0, 0, 0), high=0.8)
 
 
 def test_progress_costs_little(scene, monkeypatch):

@@ -33,6 +33,11 @@ HEIGHT, WIDTH = 128, 256
 PANORAMA = Spherical((Rectangle(0, HEIGHT, 0, WIDTH),))
 
 
+def fixed(seed):
+    """Random numbers that `tests.machine` does not change: denoising has none of its own, and the same input is given."""
+    return np.random.Generator(np.random.PCG64(seed))
+
+
 def panorama_frame(noise=True, seed=11):
     """A panorama of :func:`place_seen`."""
     return place_seen(pixel_directions(HEIGHT, WIDTH), PANORAMA, noise, seed)
@@ -40,7 +45,7 @@ def panorama_frame(noise=True, seed=11):
 
 def place_seen(direction, topology, noise=True, seed=11, contrast=0.4):
     """A striped floor with a soft shadow and a bright spot near the pole and across the seam, and one round object."""
-    random = np.random.default_rng(seed)
+    random = fixed(seed)
     stripes = 0.5 + contrast * np.sign(np.sin(40 * direction[..., 0]) * np.sin(40 * direction[..., 1]))
     plate = (stripes[..., None] * [1.0, 0.8, 0.5]).astype(np.float32)
     below = direction[..., 2] < -0.2
@@ -155,7 +160,7 @@ def test_boxes_hold_every_tile_and_little_else():
 
 def test_a_faint_change_is_denoised_without_the_network(denoised):
     """Its mean stays, far less noise is left, and where it grows strong there is no step between both ways."""
-    random = np.random.default_rng(5)
+    random = fixed(5)
     plate = np.full((96, 288, 3), 0.5, np.float32)
     truth = 0.5 * np.linspace(0.0, -0.045, 288, dtype=np.float32)[None, :, None] + np.zeros_like(plate)
     noisy = truth * random.gamma(12.0, 1 / 12.0, (96, 288, 1)).astype(np.float32)

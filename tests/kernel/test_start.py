@@ -93,6 +93,20 @@ def test_the_device_is_the_cpu_unless_another_one_is_asked_for():
     assert run(f"{START}print(start(), start('cpu'), start('auto'))").stdout.split() == ["llvm_ad_rgb"] * 3
 
 
+@pytest.mark.parametrize("value", ["1", "3"])
+def test_as_many_threads_compute_as_are_asked_for(value):
+    code = f"{START}start(); import drjit as dr; print(dr.thread_count())"
+    assert run(code, LIGHTDEPTH_THREADS=value).stdout.split() == [value]
+
+
+@pytest.mark.parametrize("value", ["0", "-1", "two", "1.5", "²"])
+def test_what_is_no_number_of_threads_is_refused(value):
+    result = run(f"{START}start()", LIGHTDEPTH_THREADS=value)
+    assert result.returncode == 1
+    assert f"LIGHTDEPTH_THREADS is '{value}'" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
 def test_a_process_that_computes_on_the_cpu_refuses_cuda():
     result = run(f"{START}start('auto'); start('cuda')")
     assert result.returncode == 1

@@ -12,13 +12,13 @@ from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError
 from lightdepth.images.radiance import write_radiance
 from lightdepth.kernel.start import start
-from lightdepth.lighting import mirror_images
 from lightdepth.lighting.gloss import recover_gloss
 from lightdepth.lighting.gloss_fit import find_pairs, fit_lobe
 from lightdepth.lighting.mirror_images import ROUGHNESSES, SPECULARS, MirrorImages
+from lightdepth.parameters import LightingParameters, Parameters
 from lightdepth.reconstruction.scene_file import write_meshes
 from lightdepth.scene.load import load_scene
-from lightdepth.scene.model import Gloss, Mesh, Panorama, RealSurface, Role, Scene
+from lightdepth.scene.model import Gloss, Mesh, Panorama, RealSurface, RenderSettings, Role, Scene
 
 HEIGHT, CAPTURE = 48, np.array([0.0, 0.0, 1.5])
 LOW, HIGH = np.array([-3.0, -3.0, 0.0]), np.array([3.0, 3.0, 3.0])
@@ -60,12 +60,9 @@ def place():
     planks = np.random.default_rng(3).uniform(0.15, 0.35, (12, 12))
     column, row = ((at[..., :2] + 3.0) * 2.0).clip(0, 11).astype(int).transpose(2, 0, 1)
     albedo = planks[row, column][..., None] * np.array([1.0, 0.7, 0.5])
-    return Scene(Panorama(image.astype(np.float32), CAPTURE, np.eye(3)), room()), at, floor, albedo
-
-
-@pytest.fixture(autouse=True)
-def few_samples(monkeypatch):
-    monkeypatch.setattr(mirror_images, "SAMPLES", 16)
+    settings = RenderSettings(parameters=Parameters(lighting=LightingParameters(mirror_samples=16)))
+    panorama = Panorama(image.astype(np.float32), CAPTURE, np.eye(3))
+    return Scene(panorama, room(), render=settings), at, floor, albedo
 
 
 def photographed(place, gloss):
@@ -109,7 +106,8 @@ def written(scene, folder):
     """The scene as files with comments, and its text."""
     write_radiance(folder / "pano.exr", scene.panorama.radiance)
     write_meshes(scene.real, folder)
-    text = f'# by tape\n[panorama]\nimage = "pano.exr"\nposition = {CAPTURE.tolist()}\n'
+    few = "[render.parameters.lighting]\nmirror_samples = 16\n\n"
+    text = f'# by tape\n{few}[panorama]\nimage = "pano.exr"\nposition = {CAPTURE.tolist()}\n'
     for surface in scene.real:
         text += f'\n[[real]]\nname = "{surface.name}"\nmesh = "{surface.name}.ply"\nrole = "{surface.role}"  # so\n'
     (folder / "room.toml").write_text(text)

@@ -54,3 +54,17 @@ def test_many_spheres_are_enclosed_by_fewer():
     assert len(outline.radii) <= MOST_PARTS
     distances = np.linalg.norm(centres[:, None] - outline.centres, axis=2) + radii[:, None]
     assert (distances <= outline.radii + 1e-9).any(axis=1).all()
+
+
+def test_parts_are_those_of_the_mesh_that_is_given_and_are_found_once_for_each():
+    (first, faces), (second, _) = mesh(200, 0), mesh(200, 1)
+    here, there = (ObjectOutline([(sphere_of(each), (each, faces))]) for each in (first, second))
+    assert is_enclosed(here, first[faces]).all()
+    assert is_enclosed(there, second[faces]).all()
+    both = ObjectOutline([(sphere_of(each), (each, faces)) for each in (first, second)])
+    assert np.array_equal(both.radii, np.concatenate([here.radii, there.radii]))
+    assert np.array_equal(both.centres, np.concatenate([here.centres, there.centres]))
+    # Among many shapes, each may have fewer parts.
+    many = ObjectOutline([(sphere_of(first), (first, faces)), *[(sphere_of(second), None)] * 100])
+    assert len(many.radii) - 100 < len(here.radii)
+    assert is_enclosed(many, first[faces]).all()

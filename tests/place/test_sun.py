@@ -34,7 +34,7 @@ from lightdepth.scene.model import (  # noqa: E402
     SyntheticObject,
     SyntheticPart,
 )
-from tests.chance import mean_and_limit  # noqa: E402
+from tests.chance import Seen, check_seen, mean_and_limit  # noqa: E402
 from tests.transport.places import GREY, ball  # noqa: E402
 
 HALF, HEIGHT = 2.0, 2.5
@@ -133,8 +133,8 @@ def test_half_of_the_disc_lights_the_middle_of_the_penumbra():
     # The sill's edge, z = 1, along the sun's rays down to the floor.
     reach = WINDOW[1][0] / SUN.direction[2] * SUN.direction[0]
     edge = np.array([[HALF - reach, 0.0, 0.0], [HALF - reach, 0.2, 0.0]], np.float32)
-    found, _ = estimate_irradiance(place, edge, UP, np.random.default_rng(2), 2048)
-    np.testing.assert_allclose(found, np.tile(0.5 * SUN.irradiance * SUN.direction[2], (2, 1)), rtol=0.06)
+    found, _ = estimate_irradiance(place, edge, UP, np.random.default_rng(2), 1 << 17)
+    check_seen(found / (SUN.irradiance * SUN.direction[2]), Seen(0, 0, 0, 0), 0.47, 0.53)
 
 
 def test_a_mask_holds_back_its_share():
@@ -180,14 +180,16 @@ def test_an_object_in_the_patch_is_lit_and_takes_the_sun_from_the_floor():
     sunny = facing > 0.2
     error = frame.synthetic[on_ball][sunny] - direct[sunny]
     # One bounce more than direct light: the floor's patch is in the photograph and lights the ball from below.
-    assert np.median(np.abs(error) / direct[sunny]) < 0.1
+    check_seen(np.median(np.abs(error) / direct[sunny]), Seen(0, 0, 0, 0), high=0.1)
     # In the shadow's core nothing is left of the patch.
     share = frame.change.sum(axis=-1) / np.maximum(frame.plate.sum(axis=-1), 1e-6)
     dark = share[(frame.plate.sum(axis=-1) > 10.0) & (frame.coverage == 0.0)]
-    assert dark.min() > -1.0 - 1e-3
-    assert (dark < -0.97).sum() > 20
+    check_seen(dark.min(), Seen(0, 0, 0, 0), low=-1.0 - 1e-3)
+    check_seen((dark < -0.97).sum(), Seen(0, 0, 0, 0), low=20)
     without = begin_rendering(replace(scene, lights=()), "view", seed=1).complete(16)
-    assert without.synthetic[on_ball][sunny].mean() < 0.3 * frame.synthetic[on_ball][sunny].mean()
+    check_seen(
+        without.synthetic[on_ball][sunny].mean() / frame.synthetic[on_ball][sunny].mean(), Seen(0, 0, 0, 0), high=0.3
+    )
 
 
 def test_beside_an_even_sky_the_sun_is_blocked_without_noise():
@@ -222,7 +224,7 @@ def test_beside_an_even_sky_the_sun_is_blocked_without_noise():
         RenderSettings(irradiance_samples=1024, max_bounces=1),
         lights=(sun,),
     )
-    samples, repeats = 16, 8
+    samples, repeats = 16, 12
     frames = [begin_rendering(scene, "view", seed=seed).complete(samples) for seed in range(repeats)]
     share = np.array([frame.change.mean(axis=-1) / frame.plate.mean(axis=-1) for frame in frames])
     row, column = np.mgrid[:32, :48] + 0.5
@@ -240,13 +242,13 @@ def test_beside_an_even_sky_the_sun_is_blocked_without_noise():
         taken = -share[:, inside]
         light = blocked * direct + np.pi * sky * sky_share[inside]
         ratio = taken.sum(axis=1) / (light / before).sum()
-        mean, limit = mean_and_limit(ratio)
+        mean, limit = mean_and_limit(ratio)  # 0.003 in the shadow, and 0.06 of the little that the sky sends beside it.
         assert abs(mean - 1.0) < limit + 0.005, f"{mean} {limit}"
         # One shadow ray for sun and sky together, where only the disc's bounding sphere is known.
         cone = np.minimum(radius**2 * height / (away[inside] ** 2 + height**2) ** 1.5, 1.0)
         most = direct + np.pi * sky * np.maximum(cone, sky_share[inside])
         one_draw = light * (most - light) / before**2 / samples
-        assert taken.var(axis=0, ddof=1).mean() < 0.25 * one_draw.mean()
+        check_seen(taken.var(axis=0, ddof=1).mean() / one_draw.mean(), Seen(0, 0, 0, 0), high=0.25)
 
 
 def test_angles_and_directions():

@@ -227,6 +227,18 @@ def test_opacity_is_d_before_tr(tmp_path, statements, opacity):
     assert any("invisible" in note for note in notes) == (statements in ("Tr 1", "d 0"))
 
 
+@pytest.mark.parametrize(
+    "statement", ["Kd 2 0 0", "Ks -1", "Ke -1 0 0", "d 1.5", "d -halo 0.5", "Tr -0.1", "Pm 3", "Pr 2", "Pc 2"]
+)
+def test_what_is_cut_is_named(tmp_path, statement):
+    (tmp_path / "a.mtl").write_text(f"newmtl m\n{statement}\n")
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    _, notes = read("a.obj", tmp_path)
+    assert len(notes) == 1
+    assert "a.mtl: line 2" in notes[0]
+    assert statement.split()[0] in notes[0] or "-halo" in notes[0]
+
+
 def test_16_bit_grey_textures_are_not_white(textures):
     shutil.copy(FAULTS / "x6-textures/grey16.png", textures / "tex.png")
     parts, notes = read("plain.obj", textures)

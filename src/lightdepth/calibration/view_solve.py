@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from lightdepth.calibration.view_cues import Distance, Line, ViewCues
 from lightdepth.cameras.distortion import RadialDistortion
@@ -145,7 +145,7 @@ def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     deviation = np.sqrt(np.diag(covariance))
     free = problem.freedom(len(errors)) - len(vector)
-    probability = float(chi2.sf(np.sum(errors**2), free)) if free > 0 else 1.0
+    probability = float(chdtrc(free, np.sum(errors**2))) if free > 0 else 1.0
     parts = problem.missed(vector)
     residuals = {name: float(np.sqrt(np.mean(part**2))) for name, part in parts.items()}
     every = np.concatenate(list(parts.values()))

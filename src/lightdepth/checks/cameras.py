@@ -13,6 +13,7 @@ from lightdepth.checks.view import CaptureView, enclosure, sphere
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.kernel.start import start
+from lightdepth.scene.identity import digest
 from lightdepth.scene.model import CameraView, Scene
 
 AROUND = 0.75
@@ -29,29 +30,47 @@ MOSTLY_CLOSED, MUCH_LESS = 2 / 3, 0.75
 """As for objects: where the capture point is in a room, and what is not in the same one."""
 AT_CAPTURE_POINT = 1e-3
 """Metres."""
+MOST_KNOWN = 256
+"""Cameras of which is kept what was found of them in a place."""
 
 
-def camera_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem]:
+def camera_problems(
+    scene: Scene, views: Sequence[CaptureView], known: dict[str, list[Problem]], hints: bool = True
+) -> list[Problem]:
     """Find objects around the capture point or a camera, and cameras that ask more of the photograph than it has.
 
     Args:
         scene: the scene; it has real surfaces.
         views: what the capture points see.
+        known: what was found of cameras in this place before, by their digest; it is added to.
+        hints: with what gives nothing but hints.
     """
     problems = _around(scene)
+    while len(known) > MOST_KNOWN:
+        known.pop(next(iter(known)))
     for name, camera in scene.cameras.items():
-        where = f"[camera.{name}]"
-        if all(_has_left(camera, view) for view in views):
-            x, y, z = camera.position
-            message = f"is outside the room, at [{x:.3g}, {y:.3g}, {z:.3g}]: it sees the real surfaces from behind"
-            problems.append(Problem(Severity.WARNING, f"{where}: {message}"))
-            continue
-        nearest = min(views, key=lambda view: float(np.linalg.norm(camera.position - view.position)))
-        if scene.plate is not None and name == scene.plate.camera:
-            continue  # It has a picture of its own.
-        soft, far = _softness(camera, scene), _far_away(camera, nearest, views)
-        problems += [Problem(Severity.HINT, f"{where}: {message}") for message in (soft, far) if message is not None]
+        hinted = hints and (scene.plate is None or name != scene.plate.camera)  # That one has a picture of its own.
+        key = digest(name, camera, hinted)
+        if key not in known:
+            known[key] = _problems_of(name, camera, scene, views, hinted)
+        problems += known[key]
     return problems
+
+
+def _problems_of(
+    name: str, camera: CameraView, scene: Scene, views: Sequence[CaptureView], hints: bool
+) -> list[Problem]:
+    """What is wrong with a camera, whatever objects there are."""
+    where = f"[camera.{name}]"
+    if all(_has_left(camera, view) for view in views):
+        x, y, z = camera.position
+        message = f"is outside the room, at [{x:.3g}, {y:.3g}, {z:.3g}]: it sees the real surfaces from behind"
+        return [Problem(Severity.WARNING, f"{where}: {message}")]
+    if not hints:
+        return []
+    nearest = min(views, key=lambda view: float(np.linalg.norm(camera.position - view.position)))
+    soft, far = _softness(camera, scene), _far_away(camera, nearest, views)
+    return [Problem(Severity.HINT, f"{where}: {message}") for message in (soft, far) if message is not None]
 
 
 def _around(scene: Scene) -> list[Problem]:

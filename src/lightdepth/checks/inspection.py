@@ -157,6 +157,7 @@ class _CheckedPlace:
         radiance: what is wrong with the panorama.
         others: what is wrong with the rest, where the capture point is right.
         objects: what is wrong with objects that were looked at in it, by their digest.
+        cameras: likewise of cameras.
         plates: what was found of plates that were looked at in it, by their digest.
     """
 
@@ -167,6 +168,7 @@ class _CheckedPlace:
     radiance: tuple[Problem, ...]
     others: tuple[Problem, ...]
     objects: dict[str, list[Problem]] = field(default_factory=dict)
+    cameras: dict[str, list[Problem]] = field(default_factory=dict)
     plates: dict[str, tuple[list[Problem], PlateReport | None]] = field(default_factory=dict)
 
 
@@ -240,7 +242,7 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
             problems += differences
         if scene.real:
             problems += object_problems(scene.synthetic, checked.free, checked.objects)
-            problems += camera_problems(scene, checked.views)
+            problems += camera_problems(scene, checked.views, checked.cameras, hints)
             problems += removed_problems(scene, checked.views)
         if scene.real and hints:
             problems += standing_problems(scene.synthetic, checked.free)

@@ -11,11 +11,14 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.film.channels import channel_means, in_channels
 from lightdepth.film.light_image import LightImage
 from lightdepth.kernel.arrays import aligned
 from lightdepth.transport.integrator import CameraSums
 
 PIXELS_AT_ONCE = 1 << 18
+Part = slice | NDArray[np.integer]
+"""Some pixels of the list."""
 AROUND = 9
 """Pixels side by side whose mean brightness stands for that of a pixel with a single sample."""
 
@@ -126,8 +129,17 @@ class Accumulator:
         """
         errors = np.empty(len(self._pixels), np.float32)
         for part, means in self._means(self._sums(), with_light):
-            errors[part] = np.sqrt(means.variance.mean(axis=1)) / self._brightness(means, part, floor) ** exponent
+            errors[part] = _relative(means, self._brightness(means, part, floor) ** exponent)
         return errors
+
+    def relative_errors_and_changes(self, floor: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """:meth:`relative_errors` and :meth:`relative_changes` (with a factor of 1) in one pass over the pixels."""
+        errors, changes = (np.empty(len(self._pixels), np.float32) for _ in range(2))
+        for part, means in self._means(self._sums()):
+            brightness = self._brightness(means, part, floor)
+            errors[part] = _relative(means, brightness)
+            changes[part] = channel_means(np.abs(means.change)) / brightness
+        return errors, changes
 
     def include_single_samples(self, errors: NDArray[np.float32], floor: float) -> None:
         """Raise relative errors, in place, to what they are at least of pixels that have one sample each.
@@ -146,8 +158,8 @@ class Accumulator:
             last = min(first + PIXELS_AT_ONCE, count)
             part = slice(max(first - beside, 0), min(last + beside, count))
             means, single = self._means_of(self._sums(), part), self.taken[part] == 1
-            grey = (means.change + means.synthetic).mean(axis=1)
-            plate = self._plate[self._pixels[part]].mean(axis=1)
+            grey = channel_means(means.change + means.synthetic)
+            plate = channel_means(self._plate.take(self._pixels[part], axis=0))
             brightness = np.maximum(plate * (1.0 - means.coverage) + grey, 0.0)
             pair = np.flatnonzero(single[:-1] & single[1:] & (np.diff(self._pixels[part]) == 1))
             pair = pair[(pair >= first - part.start) & (pair < last - part.start)]
@@ -167,20 +179,17 @@ class Accumulator:
         """Size of the change of each pixel relative to its brightness with ``floor`` added, times a factor, shape (n,)."""
         changes = np.empty(len(self._pixels), np.float32)
         for part, means in self._means(self._sums()):
-            changes[part] = factor * np.abs(means.change).mean(axis=1) / self._brightness(means, part, floor)
+            changes[part] = factor * channel_means(np.abs(means.change)) / self._brightness(means, part, floor)
         return changes
 
-    def brightnesses(self, floor: float) -> NDArray[np.float32]:
-        """Brightness of each pixel with ``floor`` added, shape (n,)."""
-        brightnesses = np.empty(len(self._pixels), np.float32)
-        for part, means in self._means(self._sums()):
-            brightnesses[part] = self._brightness(means, part, floor)
-        return brightnesses
+    def brightnesses(self, slots: NDArray[np.integer], floor: float) -> NDArray[np.float32]:
+        """Brightness of some pixels of the list with ``floor`` added, shape (k,)."""
+        return self._brightness(self._means_of(self._sums(), slots), slots, floor)
 
-    def _brightness(self, means: Estimates, part: slice, floor: float) -> NDArray[np.float32]:
-        plate = self._plate[self._pixels[part]]
-        beauty = plate * (1.0 - means.coverage[:, None]) + means.change + means.synthetic
-        return np.maximum(beauty.mean(axis=1), 0.0) + np.float32(floor)
+    def _brightness(self, means: Estimates, part: Part, floor: float) -> NDArray[np.float32]:
+        plate = self._plate.take(self._pixels[part], axis=0)
+        beauty = plate * in_channels(1.0 - means.coverage) + means.change + means.synthetic
+        return np.maximum(channel_means(beauty), 0.0) + np.float32(floor)
 
     def _sums(self) -> Estimates:
         """The sums where they lie, with squares in place of the variance; on a GPU, a copy of them."""
@@ -196,26 +205,32 @@ class Accumulator:
             part = slice(first, min(first + PIXELS_AT_ONCE, len(self._pixels)))
             yield part, self._means_of(sums, part, with_light)
 
-    def _means_of(self, sums: Estimates, part: slice, with_light: bool = True) -> Estimates:
+    def _means_of(self, sums: Estimates, part: Part, with_light: bool = True) -> Estimates:
         """The means of some pixels of the list.
 
         A finished sample is ``x + (1 - c) P`` with ``x`` what is new, ``P`` the plate and ``c`` whether it is covered,
         so that its variance is ``var x - 2 P cov(x, c) + P^2 var c``. Of ``x``, only ``synthetic`` occurs with ``c``.
         """
         count = np.maximum(self.taken[part], 1).astype(np.float32)
-        change, synthetic = sums.change[part] / count[:, None], sums.synthetic[part] / count[:, None]
         coverage = sums.coverage[part] / count
-        plate, mean = self._plate[self._pixels[part]], change + synthetic
+        counts, covered = in_channels(count), in_channels(coverage)
+        change, synthetic = sums.change[part] / counts, sums.synthetic[part] / counts
+        plate, mean = self._plate.take(self._pixels[part], axis=0), change + synthetic
         # Both are exactly 0 where a pixel is covered wholly: a lamp behind it does not swamp the variance.
-        covariance = synthetic - mean * coverage[:, None]
-        plate_variance = plate * (plate * (coverage * (1.0 - coverage))[:, None] - 2.0 * covariance)
-        variance = sums.variance[part] / count[:, None] - np.square(mean) + plate_variance
-        variance = np.maximum(variance, 0.0) / np.maximum(count - 1.0, 1.0)[:, None]
+        covariance = synthetic - mean * covered
+        plate_variance = plate * (plate * (covered * (1.0 - covered)) - 2.0 * covariance)
+        variance = sums.variance[part] / counts - np.square(mean) + plate_variance
+        variance = np.maximum(variance, 0.0) / np.maximum(counts - 1.0, 1.0)
         if with_light and self._light is not None:
             light_change, light_synthetic, light_variance = self._light.means(part)
             change, synthetic = change + light_change, synthetic + light_synthetic
             variance = variance + light_variance
         return Estimates(change, synthetic, coverage, variance)
+
+
+def _relative(means: Estimates, brightness: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Standard errors of pixels relative to a brightness, shape (k,)."""
+    return np.asarray(np.sqrt(channel_means(means.variance)) / brightness)
 
 
 def _add(total: mi.Float, value: mi.Float, index: mi.UInt32) -> None:

@@ -63,11 +63,14 @@ class PictureError:
     def overall(self) -> float:
         """Estimated relative error of the sampled pixels, root mean square: their noise and the shared errors."""
         if len(self._accumulator.taken) and not self._known:
-            squares = self.own()
-            own = float(np.mean(np.square(squares, out=squares)))
-            del squares
-            irradiance, rest = self.shared_variance()
-            self._overall = math.sqrt(own + float(np.mean(irradiance)) + rest)
+            with DEVICE_LOCK:
+                own, changes = self._accumulator.relative_errors_and_changes(self._dark)
+                self._include_single_samples(own)
+            squared = float(np.mean(np.square(own, out=own)))
+            irradiance = self._irradiance()
+            if irradiance > 0.0:
+                squared += irradiance**2 * float(np.mean(np.square(changes, out=changes)))
+            self._overall = math.sqrt(squared + self._same_everywhere())
             self._known = True
         return self._overall
 
@@ -86,9 +89,12 @@ class PictureError:
         """Relative errors of the pixels from the noise of their own samples, shape (n,)."""
         with DEVICE_LOCK:
             errors = self._accumulator.relative_errors(self._dark)
-            if (self._accumulator.taken == 1).any():  # As in a draft.
-                self._accumulator.include_single_samples(errors, self._dark)
+            self._include_single_samples(errors)
             return errors
+
+    def _include_single_samples(self, errors: NDArray[np.float32]) -> None:
+        if (self._accumulator.taken == 1).any():  # As in a draft.
+            self._accumulator.include_single_samples(errors, self._dark)
 
     def reducible(self, contrast: float) -> NDArray[np.float32]:
         """What more samples reduce of them, relative to a power of the pixels' brightness, shape (n,)."""
@@ -97,13 +103,21 @@ class PictureError:
 
     def shared_variance(self) -> tuple[NDArray[np.float32] | float, float]:
         """Relative variance of the shared errors: of the irradiance, shape (n,), and of the rest."""
-        irradiance = self._prepared.irradiance.mean_error * MEAN_TO_STANDARD
-        rest = self.light_list() ** 2 + self.shared.cache**2
-        if not math.isfinite(irradiance) or irradiance == 0.0:
+        irradiance, rest = self._irradiance(), self._same_everywhere()
+        if irradiance == 0.0:
             return 0.0, rest
         with DEVICE_LOCK:
             variance = self._accumulator.relative_changes(self._dark, irradiance)
         return np.square(variance, out=variance), rest
+
+    def _irradiance(self) -> float:
+        """Relative standard error of the irradiance; 0 where it is not known."""
+        error = self._prepared.irradiance.mean_error * MEAN_TO_STANDARD
+        return error if math.isfinite(error) else 0.0
+
+    def _same_everywhere(self) -> float:
+        """Relative variance of the errors that have the same size in all pixels."""
+        return self.light_list() ** 2 + self.shared.cache**2
 
     def light_list(self) -> float:
         """Relative error that the light lists so far give all pixels."""
@@ -133,37 +147,35 @@ class PictureError:
             probes = min(probes, parameters.most_probes)
             slots, chance = _drawn(own, probes, generator)
             del own
-            brightness = self._accumulator.brightnesses(self._dark)
             light_list = light_list_error(
                 integrator,
                 self._prepared.place,
                 self._sampling.ray_through,
                 self._sampling.pixels[slots],
-                brightness[slots],
+                self._accumulator.brightnesses(slots, self._dark),
                 1.0 / (count * chance),
                 parameters.light_list_length,
                 parameters.compared_lists,
                 generator,
             )
-            self.shared = SharedErrors(light_list, self._cache(brightness, generator), spent)
+            self.shared = SharedErrors(light_list, self._cache(generator), spent)
         self.outdate()
 
-    def _cache(self, brightness: NDArray[np.float32], generator: np.random.Generator) -> float:
+    def _cache(self, generator: np.random.Generator) -> float:
         """Relative error that the radiance cache gives pixels: how much they change with a perturbed cache."""
         parameters = self._parameters
         cache, lights, pixels = self._sampling.cache, self._sampling.lights, self._sampling.pixels
         if cache is None or lights is None:
             return 0.0
         slots = np.sort(generator.choice(len(pixels), min(parameters.cache_probes, len(pixels)), replace=False))
-        counts = np.full(len(slots), parameters.cache_samples)
+        # Two sets of paths for each pixel, followed at once: a launch costs as much as some ten thousand paths.
+        both = np.tile(slots, 2)
+        first, counts = generator.integers(1 << 32, size=len(both)), np.full(len(both), parameters.cache_samples)
         other = cache.perturbed(generator)
-        differences = []
-        for _ in range(2):
-            first = generator.integers(1 << 32, size=len(slots))
-            sums = [self._sampling.follow(lights, pixels[slots], first, counts, each) for each in (cache, other)]
-            totals = [(each.change + each.synthetic).numpy().T for each in sums]
-            differences.append((totals[1] - totals[0]) / parameters.cache_samples)
-        now = difference_error(differences[0], differences[1], brightness[slots])
+        sums = [self._sampling.follow(lights, pixels[both], first, counts, each) for each in (cache, other)]
+        totals = [(each.change + each.synthetic).numpy().T for each in sums]
+        one, two = np.split((totals[1] - totals[0]) / parameters.cache_samples, 2)
+        now = difference_error(one, two, self._accumulator.brightnesses(slots, self._dark))
         return now * math.sqrt(self._sampling.cache_use.share(cache.records))
 
 

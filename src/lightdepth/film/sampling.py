@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.film.accumulation import Accumulator
+from lightdepth.film.lanes import Lanes
 from lightdepth.film.light_image import LightImage
 from lightdepth.film.shared_errors import CacheUse, ListUse
 from lightdepth.film.sums import Share
 from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.device import ON_GPU
 from lightdepth.kernel.start import DEVICE_LOCK
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.place.light_list import LightList
@@ -89,7 +91,8 @@ class Sampling:
                 slots, counts = slots[mine], counts[mine]
             if len(slots):
                 first = self._accumulator.taken[slots]
-                sums = self.follow(lights, self.pixels[slots], first, counts, self.cache)
+                lane_paths = self._parameters.gpu_lane_paths if ON_GPU else None
+                sums = self.follow(lights, self.pixels[slots], first, counts, self.cache, lane_paths)
             if self._light is not None:
                 for block in splats:
                     self._light.add(block)
@@ -104,9 +107,12 @@ class Sampling:
         first: NDArray[np.integer],
         counts: NDArray[np.integer],
         cache: RadianceCache | None,
+        lane_paths: int | None = None,
     ) -> CameraSums:
-        """Follow ``counts`` paths for each pixel, from its sample index ``first`` on."""
-        pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in (pixels, first, counts))
+        """Follow ``counts`` paths for each pixel, from its sample index ``first`` on; in a lane, at most ``lane_paths``."""
+        lanes = Lanes.of(first, counts, lane_paths)
+        columns = (pixels[lanes.pixel], lanes.first, lanes.count)
+        pixel, offset, count = (mi.UInt32(aligned(values, np.uint32)) for values in columns)
         seed = dr.opaque(mi.UInt32, self._seed)
         paths_a_sample = mi.Float(0.0) if self._light is None else self._light.paths_a_sample()
 
@@ -117,9 +123,9 @@ class Sampling:
             seen = self._view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(sampler.stratified("lens")))
             return sampler, seen.ray, seen.inside, seen.solid_angle * paths_a_sample
 
-        sums = self._prepared.integrator.sample(camera_rays, len(pixels), count, lights, cache)
+        sums = self._prepared.integrator.sample(camera_rays, len(lanes.pixel), count, lights, cache)
         dr.eval(sums)
-        return sums
+        return lanes.summed(sums, len(pixels))
 
     def ray_through(self, pixel: mi.UInt32) -> tuple[mi.Ray3f, mi.Bool]:
         """Camera rays through the middle of pixels, world, and whether they lie in the camera's image."""

@@ -17,7 +17,7 @@ from lightdepth.errors import InputError
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.textures import TextureCache
-from lightdepth.kernel.tracing import CAN_INSTANCE, Instances, Prototype
+from lightdepth.kernel.tracing import Instances, Prototype
 from lightdepth.scene.identity import digest
 from lightdepth.scene.materials import Material
 from lightdepth.scene.meshes.geometry import expanded
@@ -29,6 +29,8 @@ FEW_TRIANGLES = 16
 """Of a mesh that takes less memory at each of its places than a place does."""
 NUMBERS = 128
 """Shapes of this many parts, of all scenes in memory, for which kernels stay the same."""
+Extent = tuple[tuple[np.ndarray, float], tuple[np.ndarray, np.ndarray] | None]
+"""A sphere around a shape, and the vertices, shape (n, 3), and faces, shape (m, 3), of a mesh, ``None`` of another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +50,7 @@ class SyntheticShapes:
 
     numbered: tuple[tuple[int, mi.Shape], ...]
     spheres: tuple[tuple[np.ndarray, float], ...]
-    parts: tuple[tuple[tuple[np.ndarray, float], tuple[np.ndarray, np.ndarray] | None], ...]
+    parts: tuple[Extent, ...]
     around_instances: tuple[np.ndarray, np.ndarray]
     plain: tuple[mi.Shape, ...]
     instances: Instances | None
@@ -83,10 +85,10 @@ def synthetic_shapes(scene: Scene) -> SyntheticShapes:
             place = f'[[synthetic]] {index + 1} ("{scene.synthetic[index].name}"): material'
             raise InputError(f"{scene.path or 'scene'}: {place}: {error}") from error
         shapes.append((index, shape))
-        spheres.append(enclosing_sphere(shape) if prototype is None else prototype.sphere())
+        spheres.append(builder.extent(shape)[0] if prototype is None else prototype.sphere())
     _last = builder.without_predecessor()
     plain = tuple(shape for number, (_, shape) in enumerate(shapes) if number not in owners)
-    outline = [(spheres[number], mesh_of(shape)) for number, (_, shape) in enumerate(shapes) if number not in owners]
+    outline = [builder.extent(shape) for number, (_, shape) in enumerate(shapes) if number not in owners]
     around = [prototype.spheres() for prototype in prototypes] or [(np.zeros((0, 3)), np.zeros(0))]
     centres, radii = (np.concatenate(values) for values in zip(*around, strict=True))
     instances = None
@@ -181,7 +183,7 @@ def _prototypes(parts: Sequence[SyntheticPart], limits: Sequence[int | None]) ->
 
 def _stays_instanced(part: SyntheticPart, expanded_triangles: int) -> bool:
     """Whether a part stands once in memory: lamps do not, which are sampled by their surface, and what is as small."""
-    if part.places is None or not CAN_INSTANCE or "emitter" in part.material.plugins():
+    if part.places is None or "emitter" in part.material.plugins():
         return False
     assert isinstance(part.geometry, Mesh)
     triangles = len(part.geometry.faces)
@@ -241,6 +243,22 @@ def mesh_shape(mesh: Mesh, bsdf: mi.BSDF | None = None, emitter: mi.Emitter | No
     return shape
 
 
+def moved_copy(shape: mi.Shape, offset: np.ndarray) -> mi.Shape:
+    """The geometry of a shape once more.
+
+    Args:
+        shape: a mesh or an analytic shape.
+        offset: by which the copy is moved, world, metres, shape (3,).
+    """
+    parameters = mi.traverse(shape)
+    if "vertex_positions" in parameters:
+        vertices, faces = mesh_of(shape)  # type: ignore[misc]
+        return mesh_shape(Mesh((vertices + offset).astype(np.float32), faces.astype(np.int32)))
+    to_world = np.array(parameters["to_world"].matrix, np.float64).reshape(4, 4)
+    to_world[:3, 3] += offset
+    return load({"type": shape.class_name().lower(), "to_world": mi.ScalarTransform4f(to_world)})
+
+
 def is_polished(shape: mi.Shape) -> bool:
     """Whether its material throws light into some directions rather than others."""
     return any(mi.has_flag(shape.bsdf().flags(), kind) for kind in (mi.BSDFFlags.Glossy, mi.BSDFFlags.Delta))
@@ -287,6 +305,7 @@ class _Builder:
         self._textures = TextureCache()
         self._bsdfs: dict[str, mi.BSDF] = {}
         self._shapes: dict[str, mi.Shape] = {}
+        self._extents: dict[int, Extent] = {}
 
     def without_predecessor(self) -> _Builder:
         """The same, for a successor; what the predecessor made, and nothing uses now, is free."""
@@ -302,6 +321,14 @@ class _Builder:
         bsdf = self._bsdf(part.material, v_up=isinstance(part.geometry, AnalyticShape))
         self._shapes[key] = known or self._made(part, bsdf)
         return self._shapes[key]
+
+    def extent(self, shape: mi.Shape) -> Extent:
+        """A sphere around one of the shapes, and its mesh: the same arrays for the same shape."""
+        key = id(shape)  # Both builders keep their shapes.
+        known = None if self._predecessor is None else self._predecessor._extents.get(key)
+        if key not in self._extents:
+            self._extents[key] = known or (enclosing_sphere(shape), mesh_of(shape))
+        return self._extents[key]
 
     def _made(self, part: SyntheticPart, bsdf: mi.BSDF) -> mi.Shape:
         geometry = part.geometry

@@ -20,6 +20,8 @@ DEVICE_LOCK = threading.RLock()
 """Held while a thread traces or launches kernels: Dr.Jit records one computation at a time, and a pass keeps the whole
 device busy anyway. Renderings in several threads take turns pass by pass."""
 _LOCK = threading.Lock()
+THREADS = "LIGHTDEPTH_THREADS"
+"""Environment variable: how many threads compute on the CPU. Without it, as many as there are processors."""
 OLDEST_LLVM = 17
 PROCESSORS = Path("/proc/cpuinfo")
 _INSTALL_HINT = (
@@ -105,11 +107,27 @@ def start(device: Device = "auto") -> str:
 
     Raises:
         SetupError: libLLVM is missing, too old or broken, or Dr.Jit was imported before and found an old one by itself;
-            the processor has no FMA; CUDA was asked for and there is none; or the process already computes on another
-            device.
+            the processor has no FMA; ``LIGHTDEPTH_THREADS`` is no number of threads; CUDA was asked for and there is none;
+            or the process already computes on another device.
     """
     with _LOCK:
         return _start(device)
+
+
+def wanted_threads() -> int | None:
+    """How many threads ``LIGHTDEPTH_THREADS`` asks for, ``None`` where it is not set.
+
+    Raises:
+        SetupError: it is not a number from 1 on.
+    """
+    value = os.environ.get(THREADS, "").strip()
+    if not value:
+        return None
+    if not re.fullmatch("[0-9]{1,5}", value, re.ASCII) or int(value) == 0:
+        raise SetupError(
+            f"{THREADS} is '{value}', which is not a number of threads; allowed are whole numbers from 1 on"
+        )
+    return int(value)
 
 
 def _start(device: Device) -> str:
@@ -157,6 +175,7 @@ def _load(device: Device) -> str:
             "allowed here: auto, cpu"
         )
     variant = VARIANTS["cuda" if device == "cuda" else "cpu"]
+    threads = wanted_threads()
     if device != "cuda":
         check_processor()
     try:
@@ -166,5 +185,7 @@ def _load(device: Device) -> str:
     if device == "cuda":
         # CUDA 13's assembler refuses it in kernels that call functions, as materials are.
         dr.set_flag(dr.JitFlag.SpillToSharedMemory, False)
+    elif threads is not None:
+        dr.set_thread_count(threads)
     mi.set_log_level(mi.LogLevel.Error)
     return variant

@@ -1,8 +1,7 @@
 """Rays against Mitsuba's scenes, on every device.
 
-The place and the new objects are scenes of their own, which a path traces side by side. On the CPU that is one kernel. On
-a GPU, OptiX traces a single scene in a kernel: there every intersection is evaluated at once, and loops that trace run
-one kernel after the other.
+The place and the new objects are scenes of their own, which a path traces one beside the other. On a GPU, OptiX traces a
+single scene in a kernel: there these scenes stand side by side in one (:class:`Cell`).
 
 Meshes that stand at many places are a scene too, in which each stands once (:class:`Instances`). Mitsuba has instances of
 its own, but Dr.Jit compiles one call for each of them, which takes minutes for thousands.
@@ -12,9 +11,9 @@ The module is imported after ``kernel.start``; nothing else calls Mitsuba's ray 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
-from typing import Literal
 
 import drjit as dr
 import mitsuba as mi
@@ -22,22 +21,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.device import ON_GPU
 from lightdepth.kernel.instance_tree import END, instance_tree
 from lightdepth.kernel.loading import load
 
-ONE_SCENE_A_KERNEL = str(mi.variant()).startswith("cuda")
-"""Whether kernels can hold the intersections of a single scene only."""
-CAN_INSTANCE = not ONE_SCENE_A_KERNEL
-"""Whether scenes may have instances."""
 MARGIN = 1e-4
 """By which boxes around instances are larger than these, relative to their size and to their distance from the origin."""
 SMALLEST_COMPONENT = 1e-20
 """Of a direction, where it is divided by."""
-
-
-def loop_mode() -> Literal["evaluated", "symbolic"]:
-    """How Dr.Jit is to run loops that trace rays, for ``dr.hint``."""
-    return "evaluated" if ONE_SCENE_A_KERNEL else "symbolic"
 
 
 @dataclass(frozen=True)
@@ -64,11 +55,14 @@ class Instances:
     Args:
         prototypes: whose boxes do not overlap.
         shapes: of all prototypes.
+
+    Attributes:
+        scene: the shapes, in their own coordinates.
     """
 
     def __init__(self, prototypes: Sequence[Prototype], shapes: Sequence[mi.Shape]) -> None:
         named = {f"shape_{index}": shape for index, shape in enumerate(shapes)}
-        self._scene: mi.Scene = load({"type": "scene", "embree_use_robust_intersections": True, **named})
+        self.scene: mi.Scene | Cell = load({"type": "scene", "embree_use_robust_intersections": True, **named})
         boxes = [_boxes(prototype) for prototype in prototypes]
         tree = instance_tree(np.concatenate([low for low, _ in boxes]), np.concatenate([high for _, high in boxes]))
         self._first_leaf, self._count = len(tree.leaves) - 1, len(tree.low)
@@ -87,6 +81,12 @@ class Instances:
         self._corners = mi.Float(aligned(np.array(corners)))
         owner = np.repeat(np.arange(len(prototypes)), [len(prototype.to_world) for prototype in prototypes])[which]
         self._prototype = mi.UInt32(aligned(owner, np.uint32))
+
+    def within(self, cell: Cell) -> Instances:
+        """The same with its scene as a cell."""
+        instances = copy(self)
+        instances.scene = cell
+        return instances
 
     def rows_to_world(self, number: mi.UInt32, active: mi.Bool) -> list[mi.Vector4f]:
         """The three rows of the matrices of instances, by their number."""
@@ -136,7 +136,7 @@ class Instances:
                 onward = dr.gather(mi.UInt32, self._onward, octant * self._count + node)
                 node = dr.select(inside & ~is_leaf, 2 * node + 1 + backward, onward)
             local, begins, there = self._inside(self.local_ray(ray, leaf, leaf != END), leaf, distance, leaf != END)
-            near = self._scene.ray_intersect_preliminary(local, coherent=False, active=there)
+            near = first_hit(self.scene, local, there)
             there &= near.is_valid()
             distance = dr.select(there, begins + near.t, distance)
             uv = dr.select(there, near.prim_uv, uv)
@@ -179,11 +179,109 @@ class WithInstances:
         instances: what stands at many places.
     """
 
-    scene: mi.Scene
+    scene: mi.Scene | Cell
     instances: Instances
 
 
-Traced = mi.Scene | WithInstances
+@dataclass(frozen=True)
+class Cell:
+    """A scene that stands beside others in one, so that a kernel can trace them all.
+
+    Rays are moved into its box and end there. What they meet is reported as the shape of the scene itself.
+
+    Attributes:
+        alone: the scene itself, which is not traced.
+        whole: all scenes, side by side.
+        offset: by which this one was moved.
+        low: smallest coordinates of its box, where it stands now.
+        high: the largest.
+        originals: the shape that each shape of ``whole`` is a copy of; both by their index in Dr.Jit's registry.
+    """
+
+    alone: mi.Scene
+    whole: mi.Scene
+    offset: mi.Vector3f
+    low: mi.Vector4f
+    high: mi.Vector4f
+    originals: mi.UInt32
+
+    def bbox(self) -> mi.ScalarBoundingBox3f:
+        """The box of the scene itself."""
+        return self.alone.bbox()
+
+    def first_hit(self, ray: mi.Ray3f, active: mi.Bool | bool, coherent: bool) -> mi.PreliminaryIntersection3f:
+        """The first surface along rays; as for :func:`first_hit`."""
+        part, begins, there = self._inside(ray, active)
+        found = self.whole.ray_intersect_preliminary(part, coherent=coherent, active=there)
+        met = there & found.is_valid()
+        found.t = dr.select(met, begins + found.t, dr.inf)
+        original = dr.gather(mi.UInt32, self.originals, dr.reinterpret_array(mi.UInt32, found.shape), met)
+        found.shape = dr.reinterpret_array(mi.ShapePtr, original)
+        return found
+
+    def meets(self, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
+        """Which rays meet any surface before they end."""
+        part, _, there = self._inside(ray, active)
+        return there & self.whole.ray_test(part, coherent=False, active=there)
+
+    def _inside(self, ray: mi.Ray3f, active: mi.Bool | bool) -> tuple[mi.Ray3f, mi.Float, mi.Bool]:
+        """The parts of rays in the box, moved there, where these begin, and which there are."""
+        origin = mi.Point3f(ray.o) + self.offset
+        enters, leaves = _span(self.low, self.high, origin, dr.rcp(_without_zeros(ray.d)))
+        leaves = dr.minimum(leaves, ray.maxt)
+        part = mi.Ray3f(ray)
+        part.o = origin + enters * ray.d
+        part.maxt = leaves - enters
+        return part, enters, mi.Bool(active) & (enters <= leaves)
+
+
+def side_by_side(scenes: Sequence[mi.Scene], copies: Callable[[mi.Shape, NDArray[np.float64]], mi.Shape]) -> list[Cell]:
+    """Scenes as cells of a single one, in the order given; the first stays where it is.
+
+    Args:
+        scenes: what is to be traced in one kernel.
+        copies: makes a copy of a shape, moved by an offset, shape (3,), metres.
+    """
+    boxes = [scene.bbox() for scene in scenes]
+    ends = [
+        np.array([box.min, box.max], np.float64).reshape(2, 3) if box.valid() else np.zeros((2, 3)) for box in boxes
+    ]
+    margins = [MARGIN * (1.0 + np.abs(each).max()) for each in ends]
+    axis = int(np.argmin(np.ptp(ends[0], axis=0)))
+    offsets: list[NDArray[np.float64]] = []
+    reached = ends[0][0, axis]
+    for (low, high), margin in zip(ends, margins, strict=True):
+        offset = np.zeros(3)
+        if offsets:
+            # Nearly touching boxes would do; the distance leaves room for rounding.
+            offset[axis] = reached + 4.0 * margin - low[axis]
+        offsets.append(offset)
+        reached = high[axis] + offset[axis] + 4.0 * margin
+    shapes, originals = [], {}
+    for scene, offset in zip(scenes, offsets, strict=True):
+        for shape in scene.shapes():
+            moved = copies(shape, offset) if offset.any() else shape
+            shapes.append(moved)
+            originals[_registered(moved)] = _registered(shape)
+    table = np.zeros(max(originals, default=0) + 1, np.uint32)
+    table[list(originals)] = list(originals.values())
+    whole = load({"type": "scene", **{f"shape_{index}": shape for index, shape in enumerate(shapes)}})
+    cells = []
+    for scene, (low, high), margin, offset in zip(scenes, ends, margins, offsets, strict=True):
+        if not scene.shapes():
+            low, high = np.ones(3), -np.ones(3)  # Which no ray meets.
+        begin, end = (mi.Vector4f(*corner.tolist(), 0.0) for corner in (low + offset - margin, high + offset + margin))
+        moved_by = mi.Vector3f(offset.tolist())
+        dr.make_opaque(begin, end, moved_by)
+        cells.append(Cell(scene, whole, moved_by, begin, end, mi.UInt32(aligned(table, np.uint32))))
+    return cells
+
+
+def _registered(shape: mi.Shape) -> int:
+    return int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0])
+
+
+Traced = mi.Scene | WithInstances | Cell
 """What rays can meet."""
 
 
@@ -199,11 +297,13 @@ def first_hit(
         coherent: whether neighbouring rays run alike.
     """
     if isinstance(scene, WithInstances):
-        found = scene.scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
+        found = first_hit(scene.scene, ray, active, coherent)
         return scene.instances.first_hit(ray, found, mi.Bool(active))
+    if isinstance(scene, Cell):
+        return scene.first_hit(ray, active, coherent)
     found = scene.ray_intersect_preliminary(ray, coherent=coherent, active=active)
-    if ONE_SCENE_A_KERNEL:
-        dr.eval(found)
+    if ON_GPU:
+        dr.eval(found)  # Beside those of another scene, they could not be in one kernel.
     return found
 
 
@@ -248,11 +348,13 @@ def first_interaction(scene: Traced, ray: mi.Ray3f, active: mi.Bool) -> mi.Surfa
 def meets(scene: Traced, ray: mi.Ray3f, active: mi.Bool) -> mi.Bool:
     """Which rays meet any surface before they end; as for :func:`first_hit`."""
     if isinstance(scene, WithInstances):
-        met = scene.scene.ray_test(ray, coherent=False, active=active)
+        met = meets(scene.scene, ray, active)
         nothing = dr.zeros(mi.PreliminaryIntersection3f, dr.width(ray.o))
         return met | (scene.instances.first_hit(ray, nothing, active & ~met, any_hit=True).shape_index > 0)
+    if isinstance(scene, Cell):
+        return scene.meets(ray, active)
     met = scene.ray_test(ray, coherent=False, active=active)
-    if ONE_SCENE_A_KERNEL:
+    if ON_GPU:
         dr.eval(met)
     return met
 

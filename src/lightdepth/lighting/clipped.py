@@ -18,38 +18,17 @@ from lightdepth.lighting.falloff import fit_gain
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.patches import Clicks
 from lightdepth.lighting.sun_edges import align, measured, predicted_edges
-from lightdepth.lighting.sun_irradiance import FEWEST_PAIRS, SAMPLES, combine, compare_sides
+from lightdepth.lighting.sun_irradiance import combine, compare_sides
 from lightdepth.lighting.sun_search import SunSearch
 from lightdepth.lighting.sunlight import Sunlight
+from lightdepth.parameters.lighting import DEFAULT, LightingParameters
 from lightdepth.scene.lights.clipped import ClippedSource, covered, unclipped
 from lightdepth.scene.model import Panorama, Scene
 
-SMALL = 2.0
-"""Angular radius in degrees up to which a plateau alone gives the direction of the sun."""
-REACH = 6.0
-DARKEST, WHITEST = 0.02, 0.95
-"""Albedos that the typical surface has at least, and every one at most: the bounds where nothing else narrows them."""
-NOT_CLIPPED = 0.1
-"""Share of the source's light, up to which what is missing may be the recovery's own error."""
-LEAST_CERTAIN = 0.3
-"""Relative standard error of a gain from falloff beyond which the photograph does not determine it."""
-MORE_THAN_GLOW = 4.0
-"""Times the clipped light of a large plateau of sky that, where they are missing, are the sun's."""
-LARGEST_GLOW = 25.0
-"""Degrees of a plateau's angular radius up to which its middle says where in it the sun stands."""
-ROUNDS = 3
-"""In which several sources are recovered, each with what the last round found of the others."""
-PLACE_ERROR = 0.05
-"""Relative error of the light at a place of known albedo."""
-GAIN_SPREAD = 1.0
-"""How much the gains of lamps of one room may differ, relative to their common one, where places do not tell them apart."""
 TOO_DARK = (
     "--grey: with this albedo the place is darker than the panorama's own light makes it; the albedo is too large, or the "
     "place is in shadow"
 )
-POINTS = 1500
-LIT = 0.3
-"""Share of the strongest irradiance from the source from which on a point contributes to its bounds."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +101,7 @@ def recover_clipped(
     if (clicked or known) and len(plateaus) > 1:
         plateaus = plateaus[:1]  # Clicks are about the strongest one.
     results: dict[int, RecoveredSource] = {}
-    for _ in range(ROUNDS if len(plateaus) > 1 else 1):
+    for _ in range(view.tuned.clipped_rounds if len(plateaus) > 1 else 1):
         for index, plateau in enumerate(plateaus):
             # The light of the others as far as it is known by now.
             light = scene.panorama.radiance
@@ -146,7 +125,7 @@ def _recovered(
     sunlight = Sunlight(scene) if plateau.sky else None
     direction = plateau.direction
     sun = plateau.sky and plateau.angular_radius > 0.5 * diameter
-    if sunlight is not None and plateau.angular_radius > max(SMALL, 0.75 * diameter):
+    if sunlight is not None and plateau.angular_radius > max(view.tuned.clipped_small, 0.75 * diameter):
         found = _sun_within(scene, view, sunlight, explained, plateau)
         direction, sun = (plateau.direction, False) if found is None else (found, True)
     place = _source_at(scene, plateau, direction, diameter if sun else None)
@@ -162,26 +141,26 @@ def _recovered(
         only = ExplainedLight(_alone(scene, share), scene.real, scene.render.seed)
         extra, error, method = (*_from_pairs(view, explained, only, pairs, direction), "clicked pairs")
     elif sunlight is not None:
-        edges = measured(view, predicted_edges(view, sunlight, direction), REACH)
+        edges = measured(view, predicted_edges(view, sunlight, direction), view.tuned.clipped_reach)
         edges = edges.where(np.isfinite(edges.offset))
         compared = compare_sides(view, sunlight, explained, edges, direction, max(diameter, 0.01))
-        if len(compared.irradiance) >= FEWEST_PAIRS:
-            combined = combine(compared)
+        if len(compared.irradiance) >= view.tuned.fewest_pairs:
+            combined = combine(compared, view.tuned)
             extra, error, method = combined.value, combined.uncertainty, "shadow edges"
     if extra is None:
         gain, relative = fit_gain(scene, view, share)
-        if gain is None or not np.all(relative <= LEAST_CERTAIN):
+        if gain is None or not np.all(relative <= view.tuned.clipped_largest_error):
             return nothing
         extra, error, method = (gain - 1.0) * now, relative * gain * now, "falloff"
-    glow = plateau.sky and not sun and plateau.angular_radius <= LARGEST_GLOW
-    if glow and float(extra.sum()) > MORE_THAN_GLOW * float(now.sum()):
+    glow = plateau.sky and not sun and plateau.angular_radius <= view.tuned.clipped_largest_glow
+    if glow and float(extra.sum()) > view.tuned.clipped_more_than_glow * float(now.sum()):
         place = _source_at(scene, plateau, direction, diameter)  # No glow misses that much: it is the sun's disc.
         share = covered(scene.panorama.radiance, place)
         angles = pixel_solid_angles(*share.shape)[:, None] * share
         now = (scene.panorama.radiance * angles[..., None]).sum(axis=(0, 1)).astype(np.float64)
         nothing = replace(nothing, clipped_irradiance=now)
     total = np.maximum(now + extra, now)
-    if float((total - now).sum()) <= NOT_CLIPPED * float(total.sum()):
+    if float((total - now).sum()) <= view.tuned.not_clipped * float(total.sum()):
         return replace(nothing, method="not clipped")
     relative = error / np.maximum(total, 1e-30)
     radiance = total / float(angles.sum())
@@ -199,21 +178,21 @@ def _together(
     explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
     places, albedo = (np.array(each) for each in zip(*grey, strict=True))
     seen = view.look(places)
-    light = explained.irradiance(seen.point, seen.normal, SAMPLES)
+    light = explained.irradiance(seen.point, seen.normal, view.tuned.pair_samples)
     missing = np.pi * _around(view, places) / albedo - light
-    if np.any(np.median(missing, axis=0) < -NOT_CLIPPED * np.median(light, axis=0)):
+    if np.any(np.median(missing, axis=0) < -view.tuned.not_clipped * np.median(light, axis=0)):
         raise InputError(TOO_DARK)
     sources = [_source_at(scene, plateau, plateau.direction, None) for plateau in plateaus]
     shares = [covered(scene.panorama.radiance, source) for source in sources]
     alone = [ExplainedLight(_alone(scene, share), scene.real, scene.render.seed) for share in shares]
-    given = np.stack([each.irradiance(seen.point, seen.normal, SAMPLES) for each in alone], axis=1)
-    more, errors = solve_gains(missing, given, light)
+    given = np.stack([each.irradiance(seen.point, seen.normal, view.tuned.pair_samples) for each in alone], axis=1)
+    more, errors = solve_gains(missing, given, light, view.tuned)
     results = []
     for plateau, source, share, extra, error in zip(plateaus, sources, shares, more, errors, strict=True):
         angles = pixel_solid_angles(*share.shape)[:, None] * share
         now = (scene.panorama.radiance * angles[..., None]).sum(axis=(0, 1)).astype(np.float64)
         low, high = _bounds(scene, view, explained, source, now)
-        if float((extra * now).sum()) <= NOT_CLIPPED * float(((1.0 + extra) * now).sum()):
+        if float((extra * now).sum()) <= view.tuned.not_clipped * float(((1.0 + extra) * now).sum()):
             none = np.full(3, np.nan)
             results.append(RecoveredSource(plateau, None, "not clipped", now, now, low, high, none, "none"))
             continue
@@ -224,7 +203,9 @@ def _together(
     return results
 
 
-def solve_gains(missing: FloatArray, given: FloatArray, light: FloatArray) -> tuple[FloatArray, FloatArray]:
+def solve_gains(
+    missing: FloatArray, given: FloatArray, light: FloatArray, tuned: LightingParameters = DEFAULT
+) -> tuple[FloatArray, FloatArray]:
     """What sources send beyond what they were clipped to, as factors of it, and their standard errors.
 
     Least squares without negative values (Lawson and Hanson), with a weak pull toward the factor that fits best if it is
@@ -234,6 +215,7 @@ def solve_gains(missing: FloatArray, given: FloatArray, light: FloatArray) -> tu
         missing: irradiance that places lack, shape (n, 3).
         given: that each clipped source gives them, shape (n, k, 3).
         light: all that they get in the clipped map, shape (n, 3).
+        tuned: how sure the places are.
 
     Returns:
         Two arrays of shape (k, 3).
@@ -243,11 +225,11 @@ def solve_gains(missing: FloatArray, given: FloatArray, light: FloatArray) -> tu
     count = given.shape[1]
     factors, errors = np.zeros((count, 3)), np.zeros((count, 3))
     for channel in range(3):
-        weight = 1.0 / (PLACE_ERROR * np.maximum(light[:, channel], 1e-30))
+        weight = 1.0 / (tuned.clipped_place_error * np.maximum(light[:, channel], 1e-30))
         matrix, wanted = given[..., channel] * weight[:, None], missing[:, channel] * weight
         whole = matrix.sum(axis=1)
         common = max(float(whole @ wanted / max(whole @ whole, 1e-30)), 1e-6)
-        pull = np.eye(count) / (GAIN_SPREAD * common)
+        pull = np.eye(count) / (tuned.clipped_gain_spread * common)
         factors[:, channel], _ = nnls(np.vstack([matrix, pull]), np.concatenate([wanted, common * pull.sum(axis=0)]))
         errors[:, channel] = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix + pull @ pull)))
     return factors, errors
@@ -300,10 +282,10 @@ def _from_pairs(
     """
     lit, shaded = np.array([pair.lit for pair in pairs]), np.array([pair.shaded for pair in pairs])
     seen_lit, seen_shaded = view.look(lit), view.look(shaded)
-    light = explained.irradiance(seen_lit.point, seen_lit.normal, SAMPLES)
+    light = explained.irradiance(seen_lit.point, seen_lit.normal, view.tuned.pair_samples)
     # What throws the shadow may not be modelled; the source's light does not arrive there even so.
-    shade = explained.irradiance(seen_shaded.point, seen_shaded.normal, SAMPLES)
-    shade = np.maximum(shade - only.irradiance(seen_shaded.point, seen_shaded.normal, SAMPLES), 0.0)
+    shade = explained.irradiance(seen_shaded.point, seen_shaded.normal, view.tuned.pair_samples)
+    shade = np.maximum(shade - only.irradiance(seen_shaded.point, seen_shaded.normal, view.tuned.pair_samples), 0.0)
     cosine = seen_lit.normal @ direction
     if np.any(cosine <= 0.05):
         raise InputError("--pair: a surface that is said to be lit faces away from the clipped source")
@@ -331,7 +313,7 @@ def _from_grey(
     cosine = seen.normal @ direction
     if np.any(cosine <= 0.05):
         raise InputError("--grey: the surface faces away from the clipped source")
-    light = explained.irradiance(seen.point, seen.normal, SAMPLES)
+    light = explained.irradiance(seen.point, seen.normal, view.tuned.pair_samples)
     values = (np.pi * _around(view, places) / albedo - light) / cosine[:, None]
     if np.any(np.median(values, axis=0) < -0.1 * now):
         raise InputError(TOO_DARK)
@@ -359,17 +341,20 @@ def _bounds(
     only = ExplainedLight(_alone(scene, covered(scene.panorama.radiance, place)), scene.real, scene.render.seed)
     pixels = view.centers()
     rng = np.random.default_rng(scene.render.seed)
-    pixels = pixels[rng.choice(len(pixels), min(POINTS, len(pixels)), replace=False)]
+    pixels = pixels[rng.choice(len(pixels), min(view.tuned.clipped_points, len(pixels)), replace=False)]
     seen = view.look(pixels)
     usable = (seen.surface >= 0) & ~view.opening[seen.surface]
     points, normals = seen.point[usable], seen.normal[usable]
     source, light = only.irradiance(points, normals, 64), explained.irradiance(points, normals, 64)
     white = np.pi * view.colour(pixels[usable])
     strength = source.mean(axis=1)
-    lit = strength > LIT * float(strength.max(initial=0.0))
+    lit = strength > view.tuned.clipped_lit * float(strength.max(initial=0.0))
     if not lit.any():
         return now, np.full(3, np.inf)
-    gains = [((white[lit] / albedo) - light[lit]) / source[lit].clip(1e-30) + 1.0 for albedo in (WHITEST, DARKEST)]
+    gains = [
+        ((white[lit] / albedo) - light[lit]) / source[lit].clip(1e-30) + 1.0
+        for albedo in (view.tuned.clipped_whitest, view.tuned.clipped_darkest)
+    ]
     lowest = np.maximum(np.percentile(gains[0], 95.0, axis=0), 1.0)
     return lowest * now, np.maximum(np.median(gains[1], axis=0), lowest) * now
 

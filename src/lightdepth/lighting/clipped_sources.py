@@ -11,13 +11,6 @@ from scipy import ndimage
 from lightdepth.directions import FloatArray, pixel_directions, pixel_solid_angles
 from lightdepth.scene.model import Scene
 
-LEVEL = 0.98
-"""Share of the largest value of any channel from which on a pixel counts as clipped."""
-FEWEST_PIXELS = 2
-MOST = 8
-LEAST_SHARE = 0.01
-"""Of the solid angle of the largest: smaller plateaus are left alone."""
-
 
 @dataclass(frozen=True)
 class Plateau:
@@ -41,21 +34,22 @@ class Plateau:
 
 
 def find_plateaus(scene: Scene, distance: NDArray[np.float32]) -> list[Plateau]:
-    """What may have been clipped, the largest first, at most ``MOST``; none where no two neighbours are the brightest.
+    """What may have been clipped, the largest first; none where no two neighbours are the brightest.
 
     Args:
         scene: its panorama.
         distance: of the real surfaces at the panorama's pixels, inf for sky, shape (height, 2 height).
     """
+    tuned = scene.render.parameters.lighting
     radiance = scene.panorama.radiance
     height, width = radiance.shape[:2]
     brightest = radiance.max(axis=2)
-    clipped = brightest >= LEVEL * float(brightest.max())
+    clipped = brightest >= tuned.plateau_level * float(brightest.max())
     angles = np.repeat(pixel_solid_angles(height, width)[:, None], width, axis=1)
     directions = pixel_directions(height, width)
     found: list[Plateau] = []
-    for pixels in _components(clipped):
-        if np.count_nonzero(pixels) < FEWEST_PIXELS:
+    for pixels in _components(clipped, 4 * tuned.most_plateaus):
+        if np.count_nonzero(pixels) < tuned.plateau_fewest_pixels:
             continue
         middle = (directions * (pixels * angles)[..., None]).sum(axis=(0, 1))
         middle /= max(float(np.linalg.norm(middle)), 1e-12)
@@ -73,11 +67,13 @@ def find_plateaus(scene: Scene, distance: NDArray[np.float32]) -> list[Plateau]:
             )
         )
     found.sort(key=lambda plateau: -plateau.solid_angle)
-    return [each for each in found if each.solid_angle >= LEAST_SHARE * found[0].solid_angle][:MOST]
+    return [each for each in found if each.solid_angle >= tuned.plateau_least_share * found[0].solid_angle][
+        : tuned.most_plateaus
+    ]
 
 
-def _components(mask: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
-    """Connected parts; the left and the right edge are one."""
+def _components(mask: NDArray[np.bool_], most: int) -> list[NDArray[np.bool_]]:
+    """The largest connected parts; the left and the right edge are one."""
     labels, count = ndimage.label(mask, np.ones((3, 3)))
     joined = np.arange(count + 1)
     for row in range(len(labels)):
@@ -89,5 +85,5 @@ def _components(mask: NDArray[np.bool_]) -> list[NDArray[np.bool_]]:
     numbers = joined[labels]
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)
     sizes[0] = 0
-    largest = [int(n) for n in np.argsort(-sizes)[: 4 * MOST] if sizes[n] > 0]
+    largest = [int(n) for n in np.argsort(-sizes)[:most] if sizes[n] > 0]
     return [numbers == index for index in largest]

@@ -11,14 +11,7 @@ from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.scene.model import Scene
 
-POINTS = 2000
-SAMPLES = 512
-FEWEST = 40
 GAINS = np.geomspace(1.0, 1e5, 301)
-CLEARLY = 1.05
-"""How much larger the misfit must be far beyond the gain that is found."""
-CORRELATED = 10.0
-"""Neighbouring points share what is wrong with them: about one in so many stands for itself."""
 
 
 def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[FloatArray | None, FloatArray]:
@@ -39,30 +32,33 @@ def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[Float
         ExplainedLight(replace(scene.panorama, radiance=part), scene.real, scene.render.seed)
         for part in (radiance * weight, radiance * (1.0 - weight))
     )
-    index = np.arange(POINTS)
-    z = 1.0 - (2.0 * index + 1.0) / POINTS
+    index = np.arange(view.tuned.falloff_points)
+    z = 1.0 - (2.0 * index + 1.0) / view.tuned.falloff_points
     u = (index * (np.sqrt(5.0) - 1.0) / 2.0) % 1.0
     pixels = np.stack([u * view.width, np.arccos(z) / np.pi * view.height], axis=-1)
     seen = view.look(pixels)
     usable = (seen.surface >= 0) & ~view.opening[seen.surface]
     points, normals, surface = seen.point[usable], seen.normal[usable], seen.surface[usable]
     bright = np.pi * view.colour(pixels[usable])
-    from_source, from_rest = source.irradiance(points, normals, SAMPLES), rest.irradiance(points, normals, SAMPLES)
+    from_source, from_rest = (
+        source.irradiance(points, normals, view.tuned.falloff_samples),
+        rest.irradiance(points, normals, view.tuned.falloff_samples),
+    )
     # What glows is no surface that is lit.
     apparent = bright / np.maximum(from_source + from_rest, 1e-30)
     good = (bright > 0.0).all(axis=1) & (from_rest > 0.0).all(axis=1) & (apparent.max(axis=1) < 50.0)
     groups = [np.flatnonzero(good & (surface == each)) for each in np.unique(surface)]
-    groups = [group for group in groups if len(group) >= FEWEST]
+    groups = [group for group in groups if len(group) >= view.tuned.falloff_fewest_points]
     if not groups:
         return None, np.full(3, np.nan)
     gains, errors = np.ones(3), np.full(3, np.nan)
     for channel in range(3):
         misfit = np.array([_misfit(bright, from_rest, from_source, groups, gain, channel) for gain in GAINS])
         best = int(np.argmin(misfit))
-        count = sum(map(len, groups)) / CORRELATED
+        count = sum(map(len, groups)) / view.tuned.falloff_correlated
         near = misfit <= misfit[best] * (1.0 + 2.0 / count)
         first, last = GAINS[near][0], GAINS[near][-1]
-        if misfit[-1] < CLEARLY * misfit[best]:
+        if misfit[-1] < view.tuned.falloff_clearly * misfit[best]:
             return None, np.full(3, np.nan)
         gains[channel] = _vertex(np.log(GAINS), misfit, best)
         errors[channel] = 0.5 * np.log(last / first) + 0.5 * np.log(GAINS[1] / GAINS[0]) * (first == last)

@@ -9,21 +9,11 @@ import numpy as np
 
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
-from lightdepth.lighting.gloss_fit import FEWEST_PAIRS, Fit, find_pairs, fit_lobe
+from lightdepth.lighting.gloss_fit import Fit, find_pairs, fit_lobe
 from lightdepth.lighting.mirror_images import ROUGHNESSES, Mirror, MirrorImages
 from lightdepth.lighting.panorama_view import PanoramaView
+from lightdepth.parameters.lighting import LightingParameters
 from lightdepth.scene.model import Gloss, Role, Scene
-
-LEAST_EXPLAINED = 0.03
-"""Share of the variation of albedo that must go with the highlights;"""
-LEAST_CERTAIN = 0.95
-"""and share of the bootstrap's resamples in which any of it does."""
-WIDEST = 0.25
-"""Interval of roughness from which on the photograph does not determine it."""
-GOOD_WIDTH, FAIR_WIDTH = 0.08, 0.15
-"""Of the interval;"""
-GOOD_SPREAD, FAIR_SPREAD = 0.06, 0.12
-"""and root mean square deviation of the sources among each other."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +69,7 @@ def recover_gloss(scene: Scene, names: Sequence[str] = ()) -> list[RecoveredGlos
     chosen = _chosen(scene, names)
     if not len(mirror.directions):
         return [RecoveredGloss(view.names[index], None, "no source", None, (), "none", None) for index in chosen]
-    return [_recovered(view.names[index], mirror.images(index)) for index in chosen]
+    return [_recovered(view.names[index], mirror.images(index), view.tuned) for index in chosen]
 
 
 def _chosen(scene: Scene, names: Sequence[str]) -> list[int]:
@@ -100,31 +90,31 @@ def _chosen(scene: Scene, names: Sequence[str]) -> list[int]:
     return [index for index in chosen if scene.real[index].mesh.rest is None]
 
 
-def _recovered(name: str, images: MirrorImages) -> RecoveredGloss:
+def _recovered(name: str, images: MirrorImages, tuned: LightingParameters) -> RecoveredGloss:
     def nothing(finding: str, fit: Fit | None = None, sources: tuple[SourceFit, ...] = ()) -> RecoveredGloss:
         return RecoveredGloss(name, None, finding, fit, sources, "none", images)
 
     if not len(images.row):
         return nothing("unseen")
-    pairs = find_pairs(images)
+    pairs = find_pairs(images, tuned)
     near = (images.source[pairs.first] >= 0) | (images.source[pairs.second] >= 0)
-    if np.count_nonzero(near) < FEWEST_PAIRS:
+    if np.count_nonzero(near) < tuned.gloss_fewest_pairs:
         return nothing("no source")
-    fit = fit_lobe(images, pairs)
-    if not _shows(fit):
+    fit = fit_lobe(images, pairs, tuned=tuned)
+    if not _shows(fit, tuned):
         return nothing("matt", fit)
     by_source = []
     for index, direction in enumerate(images.directions):
         own = pairs.where((images.source[pairs.first] == index) | (images.source[pairs.second] == index))
-        if len(own.first) >= FEWEST_PAIRS:
-            alone = fit_lobe(images, own)
-            by_source += [SourceFit(direction, alone)] if _shows(alone) else []
+        if len(own.first) >= tuned.gloss_fewest_pairs:
+            alone = fit_lobe(images, own, tuned=tuned)
+            by_source += [SourceFit(direction, alone)] if _shows(alone, tuned) else []
     sources = tuple(by_source)
     low, high = fit.roughness_bounds
-    if high - low > WIDEST or low >= ROUGHNESSES[-2]:
+    if high - low > tuned.gloss_widest or low >= ROUGHNESSES[-2]:
         return nothing("undetermined", fit, sources)
     too_bright = fit.specular_bounds[0] > 1.0
-    best = fit_lobe(images, pairs, most=1.0) if too_bright else fit
+    best = fit_lobe(images, pairs, most=1.0, tuned=tuned) if too_bright else fit
     roughness, specular = round(best.roughness, 3), round(min(best.specular, 1.0), 3)
     return RecoveredGloss(
         name,
@@ -132,13 +122,13 @@ def _recovered(name: str, images: MirrorImages) -> RecoveredGloss:
         "too bright" if too_bright else "gloss",
         fit,
         sources,
-        "poor" if too_bright else _confidence(fit, sources),
+        "poor" if too_bright else _confidence(fit, sources, tuned),
         images,
     )
 
 
-def _shows(fit: Fit) -> bool:
-    return fit.certain >= LEAST_CERTAIN and fit.explained >= LEAST_EXPLAINED
+def _shows(fit: Fit, tuned: LightingParameters) -> bool:
+    return fit.certain >= tuned.gloss_least_certain and fit.explained >= tuned.gloss_least_explained
 
 
 def _albedo(images: MirrorImages, roughness: float, specular: float) -> tuple[float, float, float]:
@@ -147,10 +137,10 @@ def _albedo(images: MirrorImages, roughness: float, specular: float) -> tuple[fl
     return red, green, blue
 
 
-def _confidence(fit: Fit, sources: Sequence[SourceFit]) -> str:
+def _confidence(fit: Fit, sources: Sequence[SourceFit], tuned: LightingParameters) -> str:
     width = fit.roughness_bounds[1] - fit.roughness_bounds[0]
     # One source alone cannot contradict itself.
-    spread = float(np.std([each.fit.roughness for each in sources])) if len(sources) > 1 else FAIR_SPREAD
-    if width <= GOOD_WIDTH and spread <= GOOD_SPREAD:
+    spread = float(np.std([each.fit.roughness for each in sources])) if len(sources) > 1 else tuned.gloss_fair_spread
+    if width <= tuned.gloss_good_width and spread <= tuned.gloss_good_spread:
         return "good"
-    return "fair" if width <= FAIR_WIDTH and spread <= FAIR_SPREAD else "poor"
+    return "fair" if width <= tuned.gloss_fair_width and spread <= tuned.gloss_fair_spread else "poor"

@@ -15,17 +15,12 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import FloatArray
 from lightdepth.lighting.mirror_images import ROUGHNESSES, SPECULARS, MirrorImages
+from lightdepth.parameters.lighting import DEFAULT, LightingParameters
 
 DISTANCES = (1, 2, 4, 7, 11)
 """Between the cells of a pair, in cells."""
-DIFFERS = 0.03
-"""Of what is shown, by which a lobe of 4 % must mirror more at one place of a pair than at the other."""
 LEVELS = np.concatenate([np.linspace(0.0, 1.0, 21), [1.15, 1.3, 1.5, 1.75, 2.0, 2.5]])
 """Specular levels that are tried."""
-TILE = 12
-"""Cells along the side of the tiles that stand for themselves in the bootstrap."""
-RESAMPLES = 200
-FEWEST_PAIRS = 60
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ class Fit:
     certain: float
 
 
-def find_pairs(images: MirrorImages) -> Pairs:
+def find_pairs(images: MirrorImages, tuned: LightingParameters = DEFAULT) -> Pairs:
     """Pairs of cells of one surface between which any of the lobes mirrors clearly more or less."""
     rows = int(images.row.max(initial=0)) + 1
     cell = np.full((rows, images.columns), -1, np.int64)
@@ -84,22 +79,29 @@ def find_pairs(images: MirrorImages) -> Pairs:
             first, second = cell[both], other[both]
             scale = np.minimum(images.shown[first], images.shown[second]).mean(axis=1)
             change = np.abs(typical[:, first] - typical[:, second]).mean(axis=2).max(axis=0)
-            differs = change > DIFFERS * scale
+            differs = change > tuned.gloss_differs * scale
             firsts.append(first[differs])
             seconds.append(second[differs])
     first, second = np.concatenate(firsts), np.concatenate(seconds)
-    tile = images.row[first] // TILE * images.columns + images.column[first] // TILE
+    tile = images.row[first] // tuned.gloss_tile * images.columns + images.column[first] // tuned.gloss_tile
     return Pairs(first, second, tile)
 
 
-def fit_lobe(images: MirrorImages, pairs: Pairs, most: float = np.inf, seed: int = 0) -> Fit:
+def fit_lobe(
+    images: MirrorImages,
+    pairs: Pairs,
+    most: float = np.inf,
+    seed: int = 0,
+    tuned: LightingParameters = DEFAULT,
+) -> Fit:
     """Find the lobe that leaves the least difference of albedo between pairs.
 
     Args:
         images: of the surface.
-        pairs: at least ``FEWEST_PAIRS``.
+        pairs: at least ``gloss_fewest_pairs``.
         most: the highest specular level to try.
         seed: of the bootstrap.
+        tuned: how often it draws.
     """
     roughnesses, levels = np.array(ROUGHNESSES), LEVELS[most >= LEVELS]
     fine = np.unique(np.concatenate([roughnesses, 0.5 * (roughnesses[1:] + roughnesses[:-1])]))
@@ -117,7 +119,9 @@ def fit_lobe(images: MirrorImages, pairs: Pairs, most: float = np.inf, seed: int
     matt = by_tile(0.0)
     misfit = np.array([[by_tile(images.mirrored(r, s)) for s in levels] for r in fine])
     generator = np.random.default_rng(seed)
-    drawn = generator.multinomial(len(tiles), np.full(len(tiles), 1.0 / len(tiles)), RESAMPLES).astype(np.float64)
+    drawn = generator.multinomial(len(tiles), np.full(len(tiles), 1.0 / len(tiles)), tuned.gloss_resamples).astype(
+        np.float64
+    )
     resampled = np.array([_best(fine, levels, misfit @ counts) for counts in drawn])
     least = np.array([(misfit @ counts).min() for counts in drawn])
     roughness, specular = _best(fine, levels, misfit.sum(axis=2))

@@ -16,22 +16,10 @@ from lightdepth.lightmap.file import LightDepthMap
 from lightdepth.reconstruction.lights import strongest_sources
 from lightdepth.scene.model import Gloss, Panorama, RealSurface, Scene
 
-CELLS = 6000
-"""Cells of the panorama on one surface, at most;"""
-LARGEST_CELL = 8
-"""pixels along their side, at most."""
-PLACES = 2
-"""Places along a cell's side at which its mirror image is estimated: pixels are means over their area."""
-STEEPEST = 0.08
-"""Cosine between normal and line of sight below which cells are left out: a pixel is metres long there."""
 ROUGHNESSES = (0.04, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.7)
 """Of the lobes whose images are estimated;"""
 SPECULARS = (0.0, 0.1, 0.25, 0.5, 1.0, 2.5)
 """their levels. Above 1, which no dielectric reaches, they are there to recognise what is none."""
-SAMPLES, IRRADIANCE_SAMPLES = 32, 256
-SOURCES = 8
-NEAR = 20.0
-"""Degrees beside a source from which its light may still reach the eye by way of a rough surface."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +85,7 @@ class Mirror:
             suns=scene.lights,
             parameters=scene.render.parameters.place,
         )
-        self._seed, self._view = scene.render.seed, view
+        self._seed, self._view, self._tuned = scene.render.seed, view, view.tuned
         self._caster = RayCaster([surface.mesh for surface in real])
         self._surface = view.look(view.centers()).surface.reshape(view.height, view.width)
         self._sources, self.directions = _bright_sources(scene.panorama, real, view)
@@ -106,7 +94,11 @@ class Mirror:
         """The mirror images in one surface, by its index in the scene; without a cell where it is not seen."""
         view = self._view
         here = self._surface == index
-        size = int(np.clip(np.ceil(np.sqrt(np.count_nonzero(here) / CELLS)), 1, LARGEST_CELL))
+        size = int(
+            np.clip(
+                np.ceil(np.sqrt(np.count_nonzero(here) / self._tuned.mirror_cells)), 1, self._tuned.mirror_largest_cell
+            )
+        )
         rows, columns = view.height // size, view.width // size
         whole = here[: rows * size, : columns * size].reshape(rows, size, columns, size).all(axis=(1, 3))
         row, column = np.nonzero(whole)
@@ -114,7 +106,7 @@ class Mirror:
         seen = view.look(middles)
         toward = view.position - seen.point
         toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-        usable = (seen.surface == index) & (np.einsum("nk,nk->n", seen.normal, toward) > STEEPEST)
+        usable = (seen.surface == index) & (np.einsum("nk,nk->n", seen.normal, toward) > self._tuned.mirror_steepest)
         row, column, middles, toward = row[usable], column[usable], middles[usable], toward[usable]
         points, normals = seen.point[usable], seen.normal[usable]
         shown = view.radiance[: rows * size, : columns * size].reshape(rows, size, columns, size, 3)
@@ -135,7 +127,7 @@ class Mirror:
         from lightdepth.place.support_scattering import SpecularLobes
         from lightdepth.recovery.irradiance import estimate_mirrored
 
-        steps = (np.arange(PLACES) + 0.5) / PLACES - 0.5
+        steps = (np.arange(self._tuned.mirror_places) + 0.5) / self._tuned.mirror_places - 0.5
         offsets = size * np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         seen = self._view.look((middles[:, None] + offsets).reshape(-1, 2))
         points, normals = seen.point.astype(np.float32), seen.normal.astype(np.float32)
@@ -149,7 +141,7 @@ class Mirror:
                     SpecularLobes((Gloss(roughness, specular),)),
                     np.ones(len(points), np.uint32),
                     np.random.default_rng(self._seed),  # The same for all, so that they share their noise.
-                    SAMPLES,
+                    self._tuned.mirror_samples,
                 )
                 results[i, j] = found.reshape(len(middles), len(offsets), 3).mean(axis=1)
         return results
@@ -159,7 +151,11 @@ class Mirror:
 
         generator = np.random.default_rng(self._seed)
         found, _ = estimate_irradiance(
-            self._place, points.astype(np.float32), normals.astype(np.float32), generator, IRRADIANCE_SAMPLES
+            self._place,
+            points.astype(np.float32),
+            normals.astype(np.float32),
+            generator,
+            self._tuned.mirror_irradiance_samples,
         )
         return found.astype(np.float64)
 
@@ -184,7 +180,7 @@ def _bright_sources(
     radiance = _like(panorama.light_radiance, view)
     depth = RayCaster([surface.mesh for surface in real]).cast(view.position, view.directions(view.centers())).distance
     light_map = LightDepthMap(radiance, depth.reshape(view.height, view.width), panorama.position, panorama.rotation)
-    found = strongest_sources(light_map, SOURCES)
+    found = strongest_sources(light_map, view.tuned.mirror_sources)
     labels = np.full((view.height, view.width), -1, np.int64)
     for index, source in enumerate(found):
         labels[source.pixels] = index
@@ -192,7 +188,7 @@ def _bright_sources(
         return labels, np.zeros((0, 3))
     wide = np.concatenate([labels, labels, labels], axis=1)
     away, (row, column) = ndimage.distance_transform_edt(wide < 0, return_indices=True)
-    nearest = np.where(away * 180.0 / view.height <= NEAR, wide[row, column], -1)
+    nearest = np.where(away * 180.0 / view.height <= view.tuned.mirror_near, wide[row, column], -1)
     return nearest[:, view.width : 2 * view.width], np.array([source.direction for source in found])
 
 

@@ -12,8 +12,6 @@ from lightdepth.errors import InputError
 from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.scene.model import Scene
 
-LARGEST_WIDTH = 2048
-"""Wider panoramas are reduced to at most this; edges are found between pixels in any case."""
 REC709 = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -39,9 +37,10 @@ class PanoramaView:
         scene: with real surfaces.
 
     Attributes:
-        radiance: linear RGB, shape (height, 2 height, 3), float32, at most ``LARGEST_WIDTH`` pixels wide.
+        radiance: linear RGB, shape (height, 2 height, 3), float32, at most ``largest_width`` pixels wide.
         opening: for each real surface whether it is an opening, and at the end ``False`` for index -1, shape (n + 1,).
         names: of the real surfaces.
+        tuned: the scene's constants of recovering light.
 
     Raises:
         InputError: the scene has no real surfaces.
@@ -50,7 +49,8 @@ class PanoramaView:
     def __init__(self, scene: Scene) -> None:
         if not scene.real:
             raise InputError(f"{scene.path or 'scene'}: has no [[real]] surfaces; where the light falls is not known")
-        self.radiance = _reduced(scene.panorama.radiance)
+        self.tuned = scene.render.parameters.lighting
+        self.radiance = _reduced(scene.panorama.radiance, self.tuned.largest_width)
         self.height, self.width = self.radiance.shape[:2]
         self.position = scene.panorama.position
         self._rotation = scene.panorama.rotation
@@ -108,10 +108,10 @@ class PanoramaView:
         return np.asarray(moved)
 
 
-def _reduced(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Means of square blocks, so that it is at most ``LARGEST_WIDTH`` wide."""
+def _reduced(radiance: NDArray[np.float32], largest: int) -> NDArray[np.float32]:
+    """Means of square blocks, so that it is at most ``largest`` wide."""
     height, width = radiance.shape[:2]
-    factor = next((k for k in range(-(-width // LARGEST_WIDTH), height + 1) if height % k == 0), 1)
+    factor = next((k for k in range(-(-width // largest), height + 1) if height % k == 0), 1)
     if factor == 1:
         return radiance
     blocks = radiance.reshape(height // factor, factor, width // factor, factor, 3)

@@ -13,22 +13,12 @@ from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.patches import Clicks, inside, read_patches
 from lightdepth.lighting.sun_edges import Alignment, Edges, align, measured, predicted_edges
-from lightdepth.lighting.sun_irradiance import FEWEST_PAIRS, SunIrradiance, combine, compare_sides
+from lightdepth.lighting.sun_irradiance import SunIrradiance, combine, compare_sides
 from lightdepth.lighting.sun_search import SunSearch
 from lightdepth.lighting.sunlight import Sunlight
+from lightdepth.parameters.lighting import LightingParameters
 from lightdepth.scene.lights.frame import azimuth_and_elevation
 from lightdepth.scene.model import Scene, SunLight
-
-LEAST_AGREEMENT = 0.12
-"""Correlation of what a direction lights with what is bright from which on a patch is believed to be one of sun;"""
-LEAST_CLICKED = 0.5
-"""the same with clicked outlines, which are all or nothing;"""
-LEAST_COVERED = 0.3
-"""and the share of each outline that the sun must light."""
-GIVEN_REACH = 6.0
-"""Heights of a pixel within which edges are looked for where the direction is given."""
-GOOD_SHARE, FAIR_SHARE = 0.6, 0.3
-GOOD_DEVIATION, FAIR_DEVIATION = 0.15, 0.4
 
 
 @dataclass(frozen=True)
@@ -90,9 +80,11 @@ def recover_sun(
     if direction is not None:
         direction = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
         _check_horizon(str(name), direction)
-        edges = measured(view, predicted_edges(view, sunlight, direction), GIVEN_REACH)
+        edges = measured(view, predicted_edges(view, sunlight, direction), view.tuned.sun_given_reach)
         found = np.isfinite(edges.offset)
-        alignment = Alignment(direction, 0.0, edges.where(found), len(edges.pixel), _root(edges.offset[found]))
+        alignment = Alignment(
+            direction, 0.0, edges.where(found), len(edges.pixel), _root(edges.offset[found]), view.tuned.edge_exact
+        )
     else:
         alignment = _searched(str(name), view, sunlight, search, clicks)
         direction = alignment.direction
@@ -115,14 +107,14 @@ def recover_sun(
         alignment.residual,
         irradiance,
         by_surface,
-        _confidence(share, irradiance, alignment.uncertainty),
+        _confidence(share, irradiance, alignment.uncertainty, view.tuned),
     )
 
 
 def _searched(name: str, view: PanoramaView, sunlight: Sunlight, search: SunSearch, clicks: Clicks) -> Alignment:
     candidates = search.best()
     clicked = bool(clicks.polygons or len(clicks.points))
-    least = LEAST_CLICKED if clicks.polygons else LEAST_AGREEMENT
+    least = view.tuned.sun_least_clicked if clicks.polygons else view.tuned.sun_least_agreement
     if not candidates:
         if clicked:
             raise InputError(
@@ -148,7 +140,7 @@ def _searched(name: str, view: PanoramaView, sunlight: Sunlight, search: SunSear
         pixels = pixels[inside(view, polygon, pixels)]
         seen = view.look(pixels)
         lit = sunlight.lit(seen.point, seen.normal, best.direction)
-        if len(pixels) and lit.mean() < LEAST_COVERED:
+        if len(pixels) and lit.mean() < view.tuned.sun_least_covered:
             azimuth, elevation = azimuth_and_elevation(best.direction)
             raise InputError(
                 f"{name}: the clicked patches contradict each other: the sun that fits them best (azimuth {azimuth:.1f}, "
@@ -175,14 +167,15 @@ def _irradiance(
     diameter: float,
 ) -> tuple[SunIrradiance, dict[str, FloatArray]]:
     pairs = compare_sides(view, sunlight, explained, edges, direction, diameter)
-    if len(pairs.irradiance) < FEWEST_PAIRS:
+    if len(pairs.irradiance) < view.tuned.fewest_pairs:
         where = ", ".join(sorted({view.names[int(index)] for index in np.unique(edges.surface)})) or "no surface"
         raise InputError(
             f"{name}: the strength of the sun cannot be determined: of the patch's edges (on {where}) only "
-            f"{len(pairs.irradiance)} places have lit and shaded parts of one surface side by side; {FEWEST_PAIRS} are "
-            "needed. Surfaces of several materials belong into several [[real]] tables; or photograph with more pixels"
+            f"{len(pairs.irradiance)} places have lit and shaded parts of one surface side by side; "
+            f"{view.tuned.fewest_pairs} are needed. Surfaces of several materials belong into several [[real]] tables; or "
+            "photograph with more pixels"
         )
-    result = combine(pairs)
+    result = combine(pairs, view.tuned)
     if np.any(result.value <= 0.0):
         raise InputError(
             f"{name}: what should be lit by the sun is no brighter than the shade beside it (irradiance "
@@ -191,7 +184,7 @@ def _irradiance(
     by_surface = {
         view.names[int(index)]: np.median(pairs.irradiance[pairs.surface == index], axis=0)
         for index in np.unique(pairs.surface)
-        if np.count_nonzero(pairs.surface == index) >= FEWEST_PAIRS
+        if np.count_nonzero(pairs.surface == index) >= view.tuned.fewest_pairs
     }
     return result, by_surface
 
@@ -205,11 +198,21 @@ def _check_horizon(name: str, direction: FloatArray) -> None:
         )
 
 
-def _confidence(share: float, irradiance: SunIrradiance, uncertainty: float) -> str:
+def _confidence(share: float, irradiance: SunIrradiance, uncertainty: float, tuned: LightingParameters) -> str:
     relative = float((irradiance.uncertainty / irradiance.value).max())
-    if share >= GOOD_SHARE and irradiance.deviation <= GOOD_DEVIATION and relative <= 0.05 and uncertainty <= 0.25:
+    if (
+        share >= tuned.sun_good_share
+        and irradiance.deviation <= tuned.sun_good_deviation
+        and relative <= 0.05
+        and uncertainty <= 0.25
+    ):
         return "good"
-    if share >= FAIR_SHARE and irradiance.deviation <= FAIR_DEVIATION and relative <= 0.15 and uncertainty <= 0.75:
+    if (
+        share >= tuned.sun_fair_share
+        and irradiance.deviation <= tuned.sun_fair_deviation
+        and relative <= 0.15
+        and uncertainty <= 0.75
+    ):
         return "fair"
     return "poor"
 

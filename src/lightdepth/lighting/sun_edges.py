@@ -19,28 +19,6 @@ from lightdepth.lighting.sunlight import Sunlight, turned
 BISECTIONS = 7
 REACHES = (8.0, 6.0, 4.0, 3.0, 3.0, 2.5, 2.5)
 """Heights of a pixel to each side of the predicted edge within which the photograph's is looked for, round by round."""
-STEP = 0.5
-"""Heights of a pixel between samples across an edge."""
-HALF_EDGE = 2.5
-"""Heights of a pixel over which an edge is blurred at most, to each side."""
-PLATEAU = 2.0
-"""Heights of a pixel beyond that, over which the brightness of either side is averaged."""
-LEAST_STEP = 1.12
-"""How many times brighter the lit side is at least."""
-LARGEST_TURN = 0.15
-"""Degrees by which the direction is turned to see how edges move;"""
-FARTHEST = 4.0
-"""and heights of a pixel by which they may do so."""
-ON_EDGE = 1.0
-"""Heights of a pixel up to which a photographed edge counts as the predicted one."""
-EXACT = 0.3
-"""Heights of a pixel off at which a predicted edge is worth half as much as one in the right place."""
-MOST_EDGES = 4000
-FEWEST_EDGES = 12
-ENOUGH_EDGES = 60
-"""Edges that stand alone, from which on those beside other edges are left out."""
-POLE = 0.06
-"""Share of the picture's height at the poles where edges are not used."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +58,7 @@ class Alignment:
         edges: that were found and agree with it.
         predicted: how many edges the model predicts that could have been found.
         residual: root mean square distance between predicted and photographed edges, heights of a pixel.
+        exact: heights of a pixel off at which an edge is worth half as much as one in the right place.
     """
 
     direction: FloatArray
@@ -87,11 +66,12 @@ class Alignment:
     edges: Edges
     predicted: int
     residual: float
+    exact: float
 
     @property
     def quality(self) -> float:
         """How much of what the direction predicts is there, and how exactly; in [0, 1]."""
-        return float(np.sum(1.0 / (1.0 + (self.edges.offset / EXACT) ** 2))) / max(self.predicted, 1)
+        return float(np.sum(1.0 / (1.0 + (self.edges.offset / self.exact) ** 2))) / max(self.predicted, 1)
 
 
 def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alignment | None:
@@ -108,7 +88,7 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
     for reach in REACHES:
         edges = measured(view, predicted_edges(view, sunlight, direction), reach)
         found = np.isfinite(edges.offset)
-        if found.sum() < FEWEST_EDGES:
+        if found.sum() < view.tuned.fewest_edges:
             return None
         turn, *_ = _least_squares(edges.moves[found], edges.offset[found])
         length = float(np.hypot(*turn))
@@ -116,17 +96,17 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
         direction = turned(direction, float(turn[0]), float(turn[1]))
     edges = measured(view, predicted_edges(view, sunlight, direction), REACHES[-1])
     found = np.isfinite(edges.offset)
-    if found.sum() < FEWEST_EDGES:
+    if found.sum() < view.tuned.fewest_edges:
         return None
     _, weight, covariance, scale = _least_squares(edges.moves[found], edges.offset[found])
-    good = np.asarray(found & (np.abs(np.nan_to_num(edges.offset)) < ON_EDGE))
+    good = np.asarray(found & (np.abs(np.nan_to_num(edges.offset)) < view.tuned.edge_agrees))
     good[found] &= weight > 0.0
-    if good.sum() < FEWEST_EDGES:
+    if good.sum() < view.tuned.fewest_edges:
         return None
     residual = float(np.sqrt(np.mean(edges.offset[good] ** 2)))
     # The typical edge may be better than the fit.
     uncertainty = float(np.sqrt(np.trace(covariance))) * max(1.0, residual / scale)
-    return Alignment(direction, uncertainty, edges.where(good), len(edges.pixel), residual)
+    return Alignment(direction, uncertainty, edges.where(good), len(edges.pixel), residual, view.tuned.edge_exact)
 
 
 def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Edges:
@@ -146,7 +126,7 @@ def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArra
         there = np.roll(lit_picture, -1, axis)
         alike = (surface == np.roll(surface, -1, axis)) & (surface >= 0)
         alike &= np.einsum("ijk,ijk->ij", normal, np.roll(normal, -1, axis)) > 0.99
-        change = (there != lit_picture) & alike & (rows > POLE) & (rows < 1.0 - POLE)
+        change = (there != lit_picture) & alike & (rows > view.tuned.edge_pole) & (rows < 1.0 - view.tuned.edge_pole)
         if axis == 0:
             change[-1] = False
         y, x = np.nonzero(change)
@@ -157,8 +137,8 @@ def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArra
     if not len(start):
         none = np.zeros((0, 2))
         return Edges(none, none, np.zeros(0, np.int32), none, np.zeros(0), np.zeros(0))
-    if len(start) > MOST_EDGES:
-        kept = np.linspace(0, len(start) - 1, MOST_EDGES).astype(int)
+    if len(start) > view.tuned.most_edges:
+        kept = np.linspace(0, len(start) - 1, view.tuned.most_edges).astype(int)
         start, end, of = start[kept], end[kept], of[kept]
     first_lit = lit_picture[start[:, 1].astype(int), start[:, 0].astype(int) % width]
     shaded, bright = np.where(first_lit[:, None], end, start), np.where(first_lit[:, None], start, end)
@@ -174,8 +154,8 @@ def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArra
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     moves = np.stack(
         [
-            _moved(view, sunlight, pixel, toward, of, turned(direction, a, b)) / LARGEST_TURN
-            for a, b in ((LARGEST_TURN, 0.0), (0.0, LARGEST_TURN))
+            _moved(view, sunlight, pixel, toward, of, turned(direction, a, b)) / view.tuned.edge_turn
+            for a, b in ((view.tuned.edge_turn, 0.0), (0.0, view.tuned.edge_turn))
         ],
         axis=-1,
     ).reshape(-1, 2)
@@ -183,15 +163,16 @@ def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArra
     edges = Edges(pixel, toward, of, moves, nothing, nothing)
     edges = edges.where(np.asarray(np.isfinite(moves).all(axis=1)))
     alone = _alone(view, sunlight, edges, direction)
-    return edges.where(alone) if alone.sum() >= ENOUGH_EDGES else edges
+    return edges.where(alone) if alone.sum() >= view.tuned.enough_edges else edges
 
 
 def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     """The edges with where the photograph shows them, if it does within so many heights of a pixel."""
     if not len(edges.pixel):
         return edges
-    outer = reach + HALF_EDGE + PLATEAU
-    offsets = np.arange(-outer, outer + STEP / 2, STEP)
+    tuned = view.tuned
+    outer = reach + tuned.edge_blur + tuned.edge_side
+    offsets = np.arange(-outer, outer + tuned.edge_sample_distance / 2, tuned.edge_sample_distance)
     count = len(edges.pixel)
     places = view.moved(
         np.repeat(edges.pixel, len(offsets), axis=0),
@@ -200,7 +181,10 @@ def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     )
     profile = (view.colour(places) @ REC709).reshape(count, len(offsets))
     same = view.look(places).surface.reshape(count, -1) == edges.surface[:, None]
-    plateau, half = round(PLATEAU / STEP), round(HALF_EDGE / STEP)
+    plateau, half = (
+        round(tuned.edge_side / tuned.edge_sample_distance),
+        round(tuned.edge_blur / tuned.edge_sample_distance),
+    )
     sums = np.concatenate([np.zeros((count, 1)), np.cumsum(profile, axis=1)], axis=1)
     whole = np.concatenate([np.zeros((count, 1)), np.cumsum(~same, axis=1)], axis=1)
     first = half + plateau
@@ -210,7 +194,9 @@ def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     broken = whole[:, at + half + plateau] - whole[:, at - half + 1 - plateau] > 0
     # The steepest place first, so that the two sides of a narrow bar are distinguished.
     slope = (sums[:, at + 3] - sums[:, at + 1]) - (sums[:, at] - sums[:, at - 2])
-    step = np.where(broken | (high < LEAST_STEP * low) | (low <= 0.0), -np.inf, slope / np.maximum(low + high, 1e-30))
+    step = np.where(
+        broken | (high < tuned.edge_least_contrast * low) | (low <= 0.0), -np.inf, slope / np.maximum(low + high, 1e-30)
+    )
     best = np.argmax(step, axis=1)
     index = np.arange(count)
     found = np.isfinite(step[index, best]) & (step[index, best] > 0.0)
@@ -220,8 +206,8 @@ def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     share = (profile[index[:, None], window] - dark[:, None]) / np.maximum(bright - dark, 1e-30)[:, None]
     weights = np.ones(2 * half + 1)
     weights[[0, -1]] = 0.5
-    area = (np.clip(share, -0.3, 1.3) * weights).sum(axis=1) * STEP
-    offset = offsets[middle] + half * STEP - area
+    area = (np.clip(share, -0.3, 1.3) * weights).sum(axis=1) * tuned.edge_sample_distance
+    offset = offsets[middle] + half * tuned.edge_sample_distance - area
     contrast = bright / np.maximum(dark, 1e-30)
     return replace(edges, offset=np.where(found, offset, np.nan), contrast=np.where(found, contrast, np.nan))
 
@@ -240,7 +226,7 @@ def _alone(view: PanoramaView, sunlight: Sunlight, edges: Edges, direction: Floa
     Across a bar of a pixel's width the photograph shows a groove, and no edge where there is one.
     """
     alone = np.ones(len(edges.pixel), dtype=bool)
-    for by in (1.5, 3.0, HALF_EDGE + PLATEAU):
+    for by in (1.5, 3.0, view.tuned.edge_blur + view.tuned.edge_side):
         for sign in (-1.0, 1.0):
             place = view.moved(edges.pixel, edges.toward_light, sign * by)
             alone &= _lit(view, sunlight, place, edges.surface, direction) == (sign > 0.0)
@@ -268,7 +254,7 @@ def _moved(
     direction: FloatArray,
 ) -> FloatArray:
     """How far toward the light the edges lie for another direction, heights of a pixel; NaN where they are not near."""
-    low, high = np.full(len(pixel), -FARTHEST), np.full(len(pixel), FARTHEST)
+    low, high = np.full(len(pixel), -view.tuned.edge_farthest), np.full(len(pixel), view.tuned.edge_farthest)
     good = ~_lit(view, sunlight, view.moved(pixel, toward, low), surface, direction)
     good &= _lit(view, sunlight, view.moved(pixel, toward, high), surface, direction)
     for _ in range(BISECTIONS + 3):

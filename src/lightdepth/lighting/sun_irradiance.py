@@ -16,16 +16,10 @@ from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.sun_edges import Edges
 from lightdepth.lighting.sunlight import Sunlight
+from lightdepth.parameters.lighting import DEFAULT, LightingParameters
 
 DISTANCES = (2.5, 3.5, 5.0, 7.0, 10.0)
 """Heights of a pixel from the edge at which its sides are compared: the first that lies outside penumbra and blur."""
-CLEAR = 1.25
-"""Heights of a pixel around either side's middle that must be wholly lit or wholly shaded."""
-SAMPLES = 512
-MOST_PAIRS = 1200
-FEWEST_PAIRS = 6
-CORRELATED = 5.0
-"""Neighbouring pairs share what is wrong with them: about one in so many stands for itself."""
 
 
 @dataclass(frozen=True)
@@ -83,16 +77,16 @@ def compare_sides(
     if not len(edges.pixel):
         none = np.zeros((0, 2))
         return EdgePairs(none, none, np.zeros(0, np.int32), np.zeros((0, 3)))
-    if len(edges.pixel) > MOST_PAIRS:
+    if len(edges.pixel) > view.tuned.most_pairs:
         edges = edges.where(
-            np.isin(np.arange(len(edges.pixel)), np.linspace(0, len(edges.pixel) - 1, MOST_PAIRS, dtype=int))
+            np.isin(np.arange(len(edges.pixel)), np.linspace(0, len(edges.pixel) - 1, view.tuned.most_pairs, dtype=int))
         )
     middle = view.moved(edges.pixel, edges.toward_light, edges.offset)
     distance = np.full(len(middle), np.nan)
     for each in reversed(DISTANCES):
         clear = np.ones(len(middle), dtype=bool)
         for sign, share in ((1.0, 1.0), (-1.0, 0.0)):
-            for by in (each - CLEAR, each, each + CLEAR):
+            for by in (each - view.tuned.pair_clear, each, each + view.tuned.pair_clear):
                 place = view.moved(middle, edges.toward_light, sign * by)
                 seen = view.look(place)
                 clear &= seen.surface == edges.surface
@@ -105,7 +99,7 @@ def compare_sides(
     seen_lit, seen_shaded = view.look(lit), view.look(shaded)
     points = np.concatenate([seen_lit.point, seen_shaded.point])
     normals = np.concatenate([seen_lit.normal, seen_shaded.normal])
-    light = explained.irradiance(points, normals, SAMPLES)
+    light = explained.irradiance(points, normals, view.tuned.pair_samples)
     in_light, in_shade = light[: len(lit)], light[len(lit) :]
     cosine = seen_lit.normal @ direction
     ratio = bright / np.maximum(dark, 1e-30)
@@ -114,11 +108,11 @@ def compare_sides(
     return EdgePairs(lit[known], shaded[known], edges.surface[known], irradiance[known])
 
 
-def combine(pairs: EdgePairs) -> SunIrradiance:
+def combine(pairs: EdgePairs, tuned: LightingParameters = DEFAULT) -> SunIrradiance:
     """The median over pairs, and how sure it is."""
     value = np.median(pairs.irradiance, axis=0)
     deviation = 1.4826 * np.median(np.abs(pairs.irradiance - value), axis=0)
-    count = max(1.0, len(pairs.irradiance) / CORRELATED)
+    count = max(1.0, len(pairs.irradiance) / tuned.pair_correlated)
     uncertainty = 1.2533 * deviation / np.sqrt(count)
     return SunIrradiance(value, uncertainty, float(np.mean(deviation) / max(float(np.mean(value)), 1e-30)), pairs)
 

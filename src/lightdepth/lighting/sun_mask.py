@@ -19,20 +19,11 @@ from lightdepth.errors import InputError
 from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import REC709, PanoramaView
 from lightdepth.lighting.sunlight import Sunlight
-from lightdepth.scene.identity import place_digest
+from lightdepth.parameters.lighting import LightingParameters
+from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.lights.frame import sun_axes
 from lightdepth.scene.model import Scene, SunLight
 
-FINENESS = 0.8
-"""Of the mask's texels, relative to the patch's pixels as the sun sees them."""
-LARGEST = 2048
-MARGIN = 4.0
-"""Texels around what the sun shines through."""
-SAMPLES = 128
-LIGHT_POINTS = 3000
-NEAR = 40
-"""Nearest shaded pixels of the same surface that give a point's albedo."""
-FEWEST_PIXELS = 30
 KEPT = 2
 """Places of which a process keeps the masks."""
 
@@ -61,7 +52,7 @@ def masked_suns(scene: Scene) -> tuple[SunLight, ...]:
     """
     if not any(sun.recover_mask for sun in scene.lights):
         return scene.lights
-    key = place_digest(scene)
+    key = digest(place_digest(scene), scene.render.parameters.lighting)
     with _lock:
         if key not in _kept:
             _kept[key] = tuple(_masked(scene, sun) for sun in scene.lights)
@@ -107,32 +98,32 @@ def recover_mask(scene: Scene, sun: SunLight) -> SunMask:
     points, normals, surface = seen.point[usable], seen.normal[usable], seen.surface[usable]
     share = sunlight.share(points, normals, sun.direction, sun.diameter)
     in_patch, in_shade = np.flatnonzero(share > 0.0), share == 0.0
-    if len(in_patch) < FEWEST_PIXELS:
+    if len(in_patch) < view.tuned.mask_fewest_pixels:
         raise InputError(
             f"{scene.path or 'scene'}: the photograph shows {len(in_patch)} pixels of the patch of sun; a mask needs "
-            f"{FEWEST_PIXELS}"
+            f"{view.tuned.mask_fewest_pixels}"
         )
     # What is near the patch is enough to know the shade's albedo by.
     near = _near(in_patch, usable, share, view)
     chosen = np.concatenate([in_patch, near])
-    light = _irradiance(explained, points[chosen], normals[chosen])
+    light = _irradiance(explained, points[chosen], normals[chosen], view.tuned)
     brightness = view.colour(pixels[usable[chosen]])
     apparent = np.pi * brightness / np.maximum(light, 1e-12)
     transmittance = np.full(len(in_patch), np.nan)
     for index in np.unique(surface[in_patch]):
         here = np.flatnonzero(surface[in_patch] == index)
         shade = len(in_patch) + np.flatnonzero((surface[near] == index) & in_shade[near])
-        if len(shade) < FEWEST_PIXELS:
+        if len(shade) < view.tuned.mask_fewest_pixels:
             continue
         tree = cKDTree(points[chosen[shade]])
-        _, neighbours = tree.query(points[in_patch[here]], k=min(NEAR, len(shade)))
+        _, neighbours = tree.query(points[in_patch[here]], k=min(view.tuned.mask_neighbours, len(shade)))
         albedo = np.median(apparent[shade][neighbours], axis=1)
         cosine = normals[in_patch[here]] @ sun.direction
         excess = np.pi * brightness[here] / np.maximum(albedo, 1e-6) - light[here]
         transmittance[here] = (excess / (sun.irradiance * cosine[:, None])) @ REC709
     # Edges of the patch mix both sides; what the modelled openings hold back there is not the mask's.
     known = np.isfinite(transmittance) & _within(view, usable, share == 1.0)[in_patch]
-    if known.sum() < FEWEST_PIXELS:
+    if known.sum() < view.tuned.mask_fewest_pixels:
         raise InputError(
             f"{scene.path or 'scene'}: no mask can be recovered: the surfaces under the patch show no shade beside it"
         )
@@ -167,12 +158,14 @@ def _near(
     return np.flatnonzero(wanted & (share == 0.0))
 
 
-def _irradiance(explained: ExplainedLight, points: FloatArray, normals: FloatArray) -> FloatArray:
+def _irradiance(
+    explained: ExplainedLight, points: FloatArray, normals: FloatArray, tuned: LightingParameters
+) -> FloatArray:
     """Irradiance at many points, from some of them."""
     from scipy.spatial import cKDTree
 
-    some = np.arange(0, len(points), max(1, len(points) // LIGHT_POINTS))
-    known = explained.irradiance(points[some], normals[some], SAMPLES)
+    some = np.arange(0, len(points), max(1, len(points) // tuned.mask_light_points))
+    known = explained.irradiance(points[some], normals[some], tuned.mask_samples)
     scale = max(float(np.ptp(points, axis=0).max()), 1e-6)
     features = np.concatenate([points, scale * normals], axis=1)
     distance, neighbour = cKDTree(features[some]).query(features, k=min(6, len(some)))
@@ -191,10 +184,10 @@ def _projected(
     axes = np.stack(sun_axes(direction))
     across = points @ axes.T
     distance = np.linalg.norm(points - view.position, axis=1)
-    texel = FINENESS * float(np.median(distance)) * np.pi / view.height
+    texel = view.tuned.mask_fineness * float(np.median(distance)) * np.pi / view.height
     whole = np.concatenate([across, openings @ axes.T])
-    low, high = whole.min(axis=0) - MARGIN * texel, whole.max(axis=0) + MARGIN * texel
-    texel = max(texel, float((high - low).max()) / LARGEST)
+    low, high = whole.min(axis=0) - view.tuned.mask_margin * texel, whole.max(axis=0) + view.tuned.mask_margin * texel
+    texel = max(texel, float((high - low).max()) / view.tuned.mask_largest)
     columns, rows = np.maximum(np.ceil((high - low) / texel).astype(int), 2)
     high = low + texel * np.array([columns, rows])
     column = ((across[:, 0] - low[0]) / texel).astype(int)

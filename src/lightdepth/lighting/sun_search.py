@@ -17,21 +17,11 @@ from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import REC709, PanoramaView
 from lightdepth.lighting.patches import Clicks
 from lightdepth.lighting.sunlight import Sunlight, sky_directions, turned
+from lightdepth.parameters.lighting import LightingParameters
 
-LOWEST = -30.0
-"""Degrees of elevation down to which is searched, so that a patch that no sun makes is recognised."""
-SPACING = 2.5
-"""Degrees between the first directions."""
-POINTS, FINE_POINTS = 4000, 30000
-SAMPLES = 64
-"""Of the irradiance at each point; what matters is the step between lit and shaded."""
 RAYS_AT_ONCE = 2_000_000
-KEPT = 6
 FINER = ((1.0, 3), (0.35, 3))
 """Degrees between the directions of each further round, and how many steps it goes to each side."""
-FEWEST_LIT = 6
-DARKEST, BRIGHTEST = -1.0, 2.0
-"""Logarithm of brightness relative to the rest of the surface beyond which more does not count."""
 
 
 @dataclass(frozen=True)
@@ -66,39 +56,46 @@ class SunSearch:
         clicks: Clicks,
         within: Callable[[FloatArray], NDArray[np.bool_]] | None = None,
     ) -> None:
-        self._sunlight = sunlight
+        self._sunlight, self._tuned = sunlight, view.tuned
         self._within = within
         self._clicks = clicks
-        pixels = _spread(view, FINE_POINTS)
+        pixels = _spread(view, view.tuned.search_fine_points)
         seen = view.look(pixels)
         usable = (seen.surface >= 0) & ~view.opening[seen.surface]
         self._points, self._normals = seen.point[usable], seen.normal[usable]
         surface = seen.surface[usable]
-        count = max(1, int(np.ceil(len(self._points) / POINTS)))
+        count = max(1, int(np.ceil(len(self._points) / view.tuned.search_points)))
         self._coarse = np.arange(0, len(self._points), count)
         if clicks.polygons:
             self._bright = clicks.inside(view, pixels[usable]).astype(np.float64)
         else:
             # The light that the photograph explains varies slowly: it is known at the coarse points.
             coarse = self._coarse
-            known = explained.irradiance(self._points[coarse], self._normals[coarse], SAMPLES) @ REC709
+            known = (
+                explained.irradiance(self._points[coarse], self._normals[coarse], view.tuned.search_samples) @ REC709
+            )
             light = _nearest(self._points, self._normals, coarse, known)
-            self._bright = _excess(view.colour(pixels[usable]) @ REC709, light, surface)
+            self._bright = _excess(view.colour(pixels[usable]) @ REC709, light, surface, view.tuned)
 
     def best(self) -> list[Candidate]:
-        """Directions that agree best, at most ``KEPT``, the best first; none where no direction lights anything."""
-        directions = sky_directions(SPACING, LOWEST)
+        """Directions that agree best, at most ``search_kept``, the best first; none where no direction lights anything."""
+        directions = sky_directions(self._tuned.search_spacing, self._tuned.search_lowest)
         directions = directions[self._allowed(directions)]
         agreement = self._agreement(directions, self._coarse)
         for index, (spacing, steps) in enumerate(FINER):
-            chosen = _peaks(directions, agreement, KEPT if index == 0 else 3, 2.0 * SPACING if index == 0 else 1.5)
+            chosen = _peaks(
+                directions,
+                agreement,
+                self._tuned.search_kept if index == 0 else 3,
+                2.0 * self._tuned.search_spacing if index == 0 else 1.5,
+            )
             offsets = spacing * np.arange(-steps, steps + 1)
             directions = np.array([turned(directions[i], a, b) for i in chosen for a in offsets for b in offsets])
             if not len(directions):
                 return []
             directions = directions[self._allowed(directions)]
             agreement = self._agreement(directions, self._enough(len(directions)))
-        order = _peaks(directions, agreement, KEPT, 1.5)
+        order = _peaks(directions, agreement, self._tuned.search_kept, 1.5)
         return [Candidate(directions[i], float(agreement[i])) for i in order]
 
     def agreement(self, direction: FloatArray) -> float:
@@ -136,7 +133,7 @@ class SunSearch:
                 np.broadcast_to(part[:, None], shape).reshape(-1, 3),
             ).reshape(shape[:2])
             share = lit.mean(axis=1)
-            enough = (lit.sum(axis=1) >= FEWEST_LIT) & (share < 1.0)
+            enough = (lit.sum(axis=1) >= self._tuned.search_fewest_lit) & (share < 1.0)
             covariance = (lit @ bright) / len(points)
             correlation = covariance / np.maximum(deviation * np.sqrt(share * (1.0 - share)), 1e-12)
             result[first : first + at_once] = np.where(enough, correlation, -1.0)
@@ -164,14 +161,16 @@ def _nearest(points: FloatArray, normals: FloatArray, known: NDArray[np.intp], v
     return np.asarray((weight * values[neighbour]).sum(axis=1) / weight.sum(axis=1))
 
 
-def _excess(radiance: FloatArray, light: FloatArray, surface: NDArray[np.int32]) -> FloatArray:
+def _excess(
+    radiance: FloatArray, light: FloatArray, surface: NDArray[np.int32], tuned: LightingParameters
+) -> FloatArray:
     """Logarithm of how much brighter points are than others of their surface in the same light, limited."""
     floor = 1e-6 * float(radiance.max(initial=0.0)) + 1e-30
     ratio = np.log((radiance + floor) / (light + floor))
     for index in np.unique(surface):
         of_it = surface == index
         ratio[of_it] -= np.median(ratio[of_it])
-    return np.clip(ratio, DARKEST, BRIGHTEST)
+    return np.clip(ratio, tuned.search_darkest, tuned.search_brightest)
 
 
 def _peaks(directions: FloatArray, agreement: FloatArray, count: int, apart: float) -> list[int]:

@@ -13,8 +13,6 @@ from lightdepth.scene.model import Scene
 
 OFFSET = 1e-3
 """Metres by which a ray starts beside its surface, relative to ``1 + |p|``."""
-GRAZING = 0.03
-"""Cosine below which a surface is taken to face away: there neither model nor brightness is exact."""
 
 
 class Sunlight:
@@ -28,6 +26,7 @@ class Sunlight:
     """
 
     def __init__(self, scene: Scene) -> None:
+        self._tuned = scene.render.parameters.lighting
         self._caster = RayCaster([surface.mesh for surface in scene.real if not surface.opening])
         self._whole = RayCaster([surface.mesh for surface in scene.real])
         if not any(surface.opening for surface in scene.real) and not self._leaks(scene.panorama.position):
@@ -45,7 +44,7 @@ class Sunlight:
             directions: toward the light, unit, world, shape (n, 3), or (3,) for all the same.
         """
         directions = np.broadcast_to(directions, points.shape)
-        result = np.einsum("ij,ij->i", normals, directions) > GRAZING
+        result = np.einsum("ij,ij->i", normals, directions) > self._tuned.grazing
         facing = np.flatnonzero(result)
         offset = OFFSET * (1.0 + np.abs(points[facing]).max(axis=1, initial=0.0))
         origins = points[facing] + offset[:, None] * normals[facing]

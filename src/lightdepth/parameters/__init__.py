@@ -10,6 +10,7 @@ from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
+from lightdepth.parameters.lighting import LightingParameters
 from lightdepth.parameters.place import PlaceParameters
 from lightdepth.parameters.ranges import CHECKED
 from lightdepth.parameters.recovery import RecoveryParameters
@@ -18,6 +19,7 @@ from lightdepth.parameters.transport import TransportParameters
 __all__ = [
     "DenoisingParameters",
     "FilmParameters",
+    "LightingParameters",
     "Parameters",
     "PlaceParameters",
     "RecoveryParameters",
@@ -31,6 +33,7 @@ class Parameters:
 
     Attributes:
         place: of what the place is taken to be.
+        lighting: of recovering suns, clipped sources and gloss.
         recovery: of recovering albedo and irradiance.
         transport: of following paths.
         film: of taking samples, and of the layers other than light.
@@ -41,6 +44,7 @@ class Parameters:
     """
 
     place: PlaceParameters = PlaceParameters()
+    lighting: LightingParameters = LightingParameters()
     recovery: RecoveryParameters = RecoveryParameters()
     transport: TransportParameters = TransportParameters()
     film: FilmParameters = FilmParameters()

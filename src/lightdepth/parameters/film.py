@@ -26,6 +26,7 @@ class FilmParameters:
         light_paths_share: light paths per camera path, where objects are polished.
         light_paths_at_once: largest number of light paths in one block, which bounds the memory.
         paths_at_once: paths of one pass; more gain no speed.
+        gpu_lane_paths: paths that a lane of a GPU follows one after the other, at most: it wants many lanes.
         samples_at_once: samples that a pixel gets at most before all others have theirs.
         packet_distance: packets of pixels that want equally many samples are at least so far apart, where there are
             enough, so that no processor core is left with all of the long ones.
@@ -45,11 +46,11 @@ class FilmParameters:
         error_time_share: largest share of the time that these estimates may take.
         worth_shared: errors that all pixels share are estimated once the pixels' own errors are below this: they are far
             smaller.
-        compared_lists: light lists that are compared for that.
+        compared_lists: light lists that are compared for that; more pixels tell more than more lists.
         fewest_probes: pixels in which they are compared, at least.
         most_probes: the same at most.
-        paths_a_light_sample: paths of the rendering per light sample of that estimate, which keeps it to a few percent
-            of the time.
+        paths_a_light_sample: paths of the rendering per light sample of that estimate, which keeps it to a percent of
+            the time.
         cache_probes: pixels in which two radiance caches are compared.
         cache_samples: paths in each of them.
         layer_subpixels: points along each side of a pixel over which normal and albedo are averaged.
@@ -74,7 +75,8 @@ class FilmParameters:
     light_paths_share: Positive = 0.5
     light_paths_at_once: Count = 1 << 19
     paths_at_once: Count = 1 << 21
-    samples_at_once: Count = 256
+    gpu_lane_paths: Count = 16
+    samples_at_once: Count = 512
     packet_distance: Annotated[Count, Field(le=256)] = 64
     pilot_samples: Count = 16
     unchanged_pilot: Count = 2
@@ -87,12 +89,12 @@ class FilmParameters:
     seconds_between_errors: NotNegative = 0.5
     error_time_share: Positive = 0.05
     worth_shared: NotNegative = 0.05
-    compared_lists: Count = 8
-    fewest_probes: Count = 8
+    compared_lists: Annotated[Count, Field(ge=2)] = 2
+    fewest_probes: Count = 12
     most_probes: Count = 64
-    paths_a_light_sample: Count = 5
+    paths_a_light_sample: Count = 20
     cache_probes: Count = 512
-    cache_samples: Count = 32
+    cache_samples: Count = 16
     layer_subpixels: Count = 2
     edge_samples: PowerOfTwo = 32
     highlight_samples: Count = 64

@@ -65,7 +65,7 @@ class RecoveryParameters:
     dark: NotNegative = 1e-3
     check_points: Count = 1024
     check_samples: Count = 2
-    triangle_cost: Count = 8
+    triangle_cost: Count = 16
     far_from_best: Positive = 1.5
     unseen_points: Count = 2048
     unseen_share: Share = 1e-3

@@ -20,7 +20,7 @@ from lightdepth.parameters.transport import DEFAULT, TransportParameters
 Sphere = tuple[np.ndarray, float]
 """Centre, shape (3,), world, and radius, both in metres."""
 ROUNDING = 1.0 + 1e-3
-"""Factor on the squared sine of a cone's angle up to which directions count as inside: its rim is rounded."""
+"""Factor on the squared chord of a cone's angle up to which directions count as inside: its rim is rounded."""
 NEAR = 0.5
 """Share of a sphere's radius up to which its surface counts as near."""
 
@@ -77,7 +77,7 @@ class Cones:
         self, point: mi.Point3f, centres: list[mi.Point3f], radii: list[mi.Float], directed_share: float = 0.0
     ) -> None:
         self._directed_share = directed_share
-        self._axes, self._squared_sines, self._solid_angles = [], [], []
+        self._axes, self._squared_chords, self._solid_angles = [], [], []
         self.solid_angle = mi.Float(0.0)
         for centre, radius in zip(centres, radii, strict=True):
             offset = mi.Vector3f(centre - point)
@@ -87,9 +87,10 @@ class Cones:
             # 1 - cos without cancellation, for objects that are far away.
             versine = dr.select(sine_squared < 1.0, sine_squared / (1.0 + cosine), 2.0)
             self._axes.append(offset * dr.rsqrt(dr.maximum(squared, 1e-20)))
-            self._squared_sines.append(dr.select(sine_squared < 1.0, sine_squared * ROUNDING, dr.inf))
+            self._squared_chords.append(versine * (2.0 * ROUNDING))
             self._solid_angles.append(dr.two_pi * versine)
             self.solid_angle += self._solid_angles[-1]
+        self._density = dr.select(self.solid_angle > 0.0, dr.rcp(self.solid_angle), 0.0)
 
     @property
     def directed_share(self) -> mi.Float:
@@ -107,12 +108,11 @@ class Cones:
     def pdf(self, direction: mi.Vector3f) -> mi.Float:
         """Density of :meth:`sample` per steradian."""
         covering = mi.Float(0.0)
-        for axis, squared_sine in zip(self._axes, self._squared_sines, strict=True):
-            # By the sine: the cosine of a small angle is 1 in single precision, and a direction that was drawn but is
+        for axis, squared_chord in zip(self._axes, self._squared_chords, strict=True):
+            # By the chord: the cosine of a small angle is 1 in single precision, and a direction that was drawn but is
             # not recognised would get the weight of one that was drawn by chance.
-            within = (dr.squared_norm(dr.cross(axis, direction)) <= squared_sine) & (dr.dot(axis, direction) > 0.0)
-            covering += dr.select(within | dr.isinf(squared_sine), 1.0, 0.0)
-        return dr.select(self.solid_angle > 0.0, covering / self.solid_angle, 0.0)
+            covering += dr.select(dr.squared_norm(direction - axis) <= squared_chord, 1.0, 0.0)
+        return covering * self._density
 
 
 class Beams:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Sequence
+from weakref import finalize
 
 import drjit as dr
 import mitsuba as mi
@@ -41,7 +42,7 @@ class ObjectOutline:
         for (centre, radius), mesh in parts:
             spheres = np.asarray(centre)[None], np.array([radius])
             if mesh is not None and most > 1 and len(mesh[1]) > FACES:
-                spheres = _parts(*mesh, most)
+                spheres = _kept_parts(*mesh, most)
             centres.append(spheres[0])
             radii.append(spheres[1])
         self.centres, self.radii = np.concatenate(centres), np.concatenate(radii)
@@ -75,6 +76,21 @@ class ObjectOutline:
         state = mi.UInt32(0), dr.zeros(mi.Bool, dr.width(ray))
         _, found = dr.while_loop(state, lambda index, found: (index < count) & ~found, compare)
         return found
+
+
+_kept: dict[tuple[int, int], tuple[NDArray[np.floating], NDArray[np.floating]]] = {}
+"""Parts by the array of the vertices that they are of, and by how many they may be."""
+
+
+def _kept_parts(
+    vertices: NDArray[np.floating], faces: NDArray[np.unsignedinteger], most: int
+) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """:func:`_parts`, found once for each array of vertices in memory: most objects stay when one is moved."""
+    key = id(vertices), most
+    if key not in _kept:
+        _kept[key] = _parts(vertices, faces, most)
+        finalize(vertices, _kept.pop, key, None)
+    return _kept[key]
 
 
 def _parts(

@@ -68,8 +68,15 @@ class Place:
         self.plate: SeenPlate | None = None
         share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.suns), 1))
         self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
-        path_share = parameters.sun_path_share / max(len(self.suns), 1)
+        # Light that hardly stands out is left to camera paths, in the light of suns too.
+        least = parameters.least_path_share
+        path_share = min(max(1.0 - self.standing_out, least), 1.0 - least) / max(len(self.suns), 1)
         self.path_shares = (1.0 - path_share * len(self.suns), *(path_share for _ in self.suns))
+
+    @property
+    def standing_out(self) -> float:
+        """Share of the photograph's light that stands out of it: see :attr:`Photographed.standing_out`."""
+        return self.photograph.standing_out
 
     @property
     def lights(self) -> tuple[RealLight, ...]:
@@ -86,6 +93,7 @@ class Place:
         place = copy(self)
         place.surfaces = surfaces
         place.photograph = self.photograph.with_surfaces(surfaces)
+        place.suns = tuple(sun.with_surfaces(surfaces) for sun in self.suns)
         return place
 
     def with_mirrored(self, images: Sequence[NDArray[np.float32]], glosses: tuple[Gloss, ...]) -> Place:
@@ -151,12 +159,13 @@ class Place:
             ``(unit direction, distance in metres or inf, density per steradian at the point)``: eq. (8).
         """
         offset = light.position - mi.Vector3f(point)
-        distance = dr.norm(offset)
-        direction = dr.select(light.finite, offset * dr.rcp(dr.maximum(distance, 1e-20)), light.position)
+        squared = dr.squared_norm(offset)
+        reciprocal = dr.rsqrt(dr.maximum(squared, 1e-36))
+        direction = dr.select(light.finite, offset * reciprocal, light.position)
         cosine = dr.maximum(dr.abs(dr.dot(light.normal, direction)), 1e-6)
-        pdf = dr.select(light.finite, light.density * dr.square(distance) / cosine, light.density)
+        pdf = dr.select(light.finite, light.density * squared / cosine, light.density)
         pdf = dr.select(self.leaves(light, -direction), pdf, 0.0) if self.photograph.one_sided else pdf
-        return direction, dr.select(light.finite, distance, dr.inf), pdf
+        return direction, dr.select(light.finite, squared * reciprocal, dr.inf), pdf
 
     def leaves(self, light: LightSample, direction: mi.Vector3f) -> mi.Bool:
         """Whether light leaves the samples in unit directions, world: some know one side of their surface only."""

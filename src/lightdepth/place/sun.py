@@ -7,6 +7,7 @@ patches on the floor, is in the photograph; what it would do to new objects is n
 from __future__ import annotations
 
 import math
+from copy import copy
 
 import drjit as dr
 import mitsuba as mi
@@ -57,6 +58,12 @@ class Sun(RealLight):
             self._mask_extent = dr.opaque(mi.Vector4f, settings.mask_extent)
         self._shadow_map = _ShadowMap(settings.direction, surfaces) if surfaces.has_real else None
 
+    def with_surfaces(self, surfaces: TracedSurfaces) -> Sun:
+        """The same sun, blocked by other meshes of the same surfaces."""
+        sun = copy(self)
+        sun.surfaces = surfaces
+        return sun
+
     def sample(self, u: mi.Float, v: mi.Float) -> LightSample:
         """Directions toward the disc, uniform over its solid angle, by uniform random numbers in [0, 1)."""
         return LightSample(
@@ -75,10 +82,13 @@ class Sun(RealLight):
         """The disc's radiance where rays run into it, through an opening or past all real surfaces."""
         within = active & (1.0 - dr.dot(ray.d, mi.Vector3f(self._axes[2])) <= self._versine)
         within &= ~hit.valid | (hit.kind == int(FaceKind.OPENING))
-        blocked = self.blocked(ray, within)
-        if self.surfaces.has_removed:
-            blocked = dr.select(kept, self.blocked(ray, within, kept=True), blocked)
-        within &= ~blocked
+        # What lies behind an opening may keep the sun out; where nothing real is met, nothing does.
+        if FaceKind.OPENING in self.surfaces.kinds:
+            behind = within & hit.valid
+            blocked = self.blocked(ray, behind)
+            if self.surfaces.has_removed:
+                blocked = dr.select(kept, self.blocked(ray, behind, kept=True), blocked)
+            within &= ~(behind & blocked)
         radiance = self._radiance * self.transmittance(ray.o)
         return dr.select(within, radiance, 0.0), dr.select(within, self._density, 0.0), mi.Bool(False)
 

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.kernel.arrays import aligned, aligned_empty
+from lightdepth.kernel.device import ON_GPU
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.materials import Materials, registered
-from lightdepth.kernel.shapes import SyntheticShapes, mesh_shape
-from lightdepth.kernel.tracing import Instances, Traced, WithInstances, first_hit
+from lightdepth.kernel.shapes import SyntheticShapes, mesh_shape, moved_copy
+from lightdepth.kernel.tracing import Cell, Instances, Traced, WithInstances, first_hit, side_by_side
 from lightdepth.place.real_surfaces import FaceKind, RealSurfaces
 from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Mesh
@@ -28,6 +29,9 @@ RAY_EPSILON = 1e-4
 """Offset of a ray's origin from the surface it leaves, relative to ``1 + |p|``."""
 SHADOW_RAY_END = 0.999
 """Where shadow rays end, as a share of the way to the light."""
+
+TRACED = ("all", "seen", "shown", "synthetic", "real", "kept", "blockers", "kept_blockers")
+"""Attributes of :class:`TracedSurfaces` that are traced, the largest first."""
 
 
 @dataclass
@@ -134,6 +138,22 @@ class TracedSurfaces:
         if removed is not None or self.has_unseen:
             self.shown = _with(_scene({**self._real_shapes, **seen}), instances)
         self.materials = Materials([*every, *passed.values()])
+        if ON_GPU:
+            self._join()
+
+    def _join(self) -> None:
+        """Let a kernel trace all scenes as one."""
+        traced: dict[str, Traced] = {name: getattr(self, name) for name in TRACED}
+        alone = {name: _alone(scene) for name, scene in traced.items()}
+        instances = next((each.instances for each in traced.values() if isinstance(each, WithInstances)), None)
+        within = [] if instances is None else [_alone(instances.scene)]
+        distinct = list({id(scene): scene for scene in (*alone.values(), *within)}.values())
+        cells = dict(zip(map(id, distinct), side_by_side(distinct, moved_copy), strict=True))
+        if instances is not None:
+            instances = instances.within(cells[id(within[0])])
+        for name, scene in traced.items():
+            cell = cells[id(alone[name])]
+            setattr(self, name, _with(cell, instances if isinstance(scene, WithInstances) else None))
 
     def _only(self, surfaces: RealSurfaces, chosen: NDArray[np.bool_], black: mi.BSDF) -> mi.Scene:
         """Some of the real faces: those that keep a declared sun out."""
@@ -332,8 +352,15 @@ def _table_of(indices: Sequence[int]) -> mi.UInt32:
     return mi.UInt32(aligned(table, np.uint32))
 
 
-def _with(scene: mi.Scene, instances: Instances | None) -> Traced:
+def _with(scene: mi.Scene | Cell, instances: Instances | None) -> Traced:
     return scene if instances is None else WithInstances(scene, instances)
+
+
+def _alone(scene: Traced) -> mi.Scene:
+    """A scene without its instances and by itself."""
+    if isinstance(scene, WithInstances):
+        scene = scene.scene
+    return scene.alone if isinstance(scene, Cell) else scene
 
 
 def _scene(shapes: Mapping[str, mi.Shape], robust: bool = False) -> mi.Scene:

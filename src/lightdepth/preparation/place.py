@@ -173,7 +173,14 @@ def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
     settings = scene.render
     choices = (infinite, settings.seed, settings.irradiance_samples, settings.draft)
     return digest(
-        place_digest(scene), choices, parameters, settings.parameters.place, str(mi.variant()), mi.__version__, _code()
+        place_digest(scene),
+        choices,
+        parameters,
+        settings.parameters.place,
+        settings.parameters.lighting,
+        str(mi.variant()),
+        mi.__version__,
+        _code(),
     )
 
 

@@ -10,7 +10,6 @@ from typing import Generic, TypeVar
 import drjit as dr
 import mitsuba as mi
 
-from lightdepth.kernel.tracing import loop_mode
 from lightdepth.place.light_list import LightList
 from lightdepth.place.object_bounds import ObjectBounds
 from lightdepth.place.place import Place
@@ -137,7 +136,7 @@ class Integrator(ABC, Generic[PathKind]):
         lane, index, width = dr.arange(mi.UInt32, lanes), mi.UInt32(0), dr.opaque(mi.UInt32, lanes)
         record = _no_record if cache is None else cache.record
         path = self.begin(_camera_path(*camera(index)))
-        while dr.hint(index < count, mode=loop_mode()):
+        while dr.hint(index < count, mode="symbolic"):
             path = self.advance(path, lights, cache)
             ended = ~path.active
             samples = self.samples(path)

@@ -85,8 +85,8 @@ class RadianceCache:
     def perturbed(self, generator: np.random.Generator) -> RadianceCache:
         """A cache of the same cells whose means are off by as much as the means here are expected to be.
 
-        Every cell's sum is changed by a random number of its standard error, the same in all channels. Cells with few
-        records have the variance that the others have on average.
+        Every cell's sum is changed by random numbers of its standard error. Each channel has its own, so that one picture
+        shows three such caches. Cells with few records have the variance that the others have on average.
         """
         grey, count = self._sums.mean(axis=1), np.maximum(self._records, 1)
         within = np.maximum(self._squares - np.square(grey) / count, 0.0)
@@ -96,7 +96,7 @@ class RadianceCache:
             np.maximum(count - 1, 0) + self._parameters.neighbours_count
         )
         other = copy(self)
-        other._sums = self._sums + (generator.standard_normal(len(count)) * np.sqrt(variance * count))[:, None]
+        other._sums = self._sums + generator.standard_normal((len(count), 3)) * np.sqrt(variance * count)[:, None]
         other._upload()
         return other
 

@@ -86,11 +86,11 @@ def principled(name: str, statements: Mapping[str, Statement], has_uv: bool, not
     shininess = max(reader.number("ns", 0.0), 0.0)
     settings: dict[str, Any] = {
         "base_color": base,
-        "metallic": reader.share("map_pm", np.clip(reader.number("pm", 0.0), 0.0, 1.0)),
-        "roughness": reader.share("map_pr", np.clip(reader.number("pr", (2.0 / (shininess + 2.0)) ** 0.25), 0.0, 1.0)),
+        "metallic": reader.share("map_pm", reader.fraction("pm", 0.0)),
+        "roughness": reader.share("map_pr", reader.fraction("pr", (2.0 / (shininess + 2.0)) ** 0.25)),
         "specular": float(np.mean(reader.triple("ks", 0.5, 1.0))),
-        "clearcoat": float(np.clip(reader.number("pc", 0.0), 0.0, 1.0)),
-        "clearcoat_roughness": float(np.clip(reader.number("pcr", 0.0), 0.0, 1.0)),
+        "clearcoat": reader.fraction("pc", 0.0),
+        "clearcoat_roughness": reader.fraction("pcr", 0.0),
         "emission": emission,
         "opacity": reader.opacity(),
     }
@@ -152,8 +152,23 @@ class _Reader:
                 statement = self.statements[key]
                 self.note(f"{statement.place}: '{statement.keyword}' needs one number or three and is left out")
             found = [default]
-        red, green, blue = np.clip(found if len(found) == 3 else found * 3, 0.0, upper).tolist()
+        red, green, blue = self._within(key, found if len(found) == 3 else found * 3, upper)
         return red, green, blue
+
+    def fraction(self, key: str, default: float) -> float:
+        """The first number of a statement, within 0 and 1."""
+        return self._within(key, [self.number(key, default)], 1.0)[0]
+
+    def _within(self, key: str, values: list[float], upper: float) -> list[float]:
+        """Values within 0 and an upper limit; a note where some were beyond."""
+        if min(values) < 0.0 or max(values) > upper:
+            statement = self.statements[key]
+            limits = "below 0" if upper == math.inf else "beyond 0 to 1"
+            self.note(
+                f"{statement.place}: '{statement.keyword} {statement.rest[:40]}' of material '{self.name[:40]}' goes "
+                f"{limits} and is cut"
+            )
+        return [min(max(value, 0.0), upper) for value in values]
 
     def opacity_number(self) -> float:
         """Opacity without images.
@@ -171,6 +186,10 @@ class _Reader:
         """Opacity with its image, if there is one."""
         number = self.opacity_number()
         tr = self.numbers("tr")
+        for key in ("d", "tr"):
+            self.fraction(key, 0.0)
+        if "d" in self.statements and self.statements["d"].rest.startswith("-halo"):
+            self.note(f"{self.statements['d'].place}: '-halo' is left out; the opacity is the same seen from anywhere")
         if "d" not in self.statements and tr and tr[0] >= 1.0:
             self.note(
                 f"{self.statements['tr'].place}: 'Tr 1' of material '{self.name[:40]}' would make it invisible; many "
