@@ -56,12 +56,15 @@ def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> N
 def captures(
     place: Annotated[list[str] | None, typer.Option(help="The places to measure; all by default. Repeat it.")] = None,
     quick: Annotated[bool, typer.Option(help="Small images and few samples.")] = False,
+    panorama_samples: Annotated[
+        int | None, typer.Option(help="Samples a pixel of the panoramas, whose noise moves with the surfaces.")
+    ] = None,
 ) -> None:
     """One, two and three captures of a room, and a camera that travels through it."""
     from bench.captures import JOURNEYS
     from bench.captures import captures as measure
 
-    for table in measure(place or list(JOURNEYS), quick, console):
+    for table in measure(place or list(JOURNEYS), quick, panorama_samples, console):
         _print_table(table)
 
 

@@ -24,7 +24,7 @@ from bench.places import l_shaped_room, studio_flat
 from bench.places.objects import Point
 from bench.places.place import Place
 from bench.run import RESULTS
-from bench.truth import Estimate, on_plate, photograph, truth
+from bench.truth import Estimate, photograph, truth
 from lightdepth.cameras import Perspective
 from lightdepth.checks.sampling import unseen_shares
 from lightdepth.checks.view import look_around
@@ -138,21 +138,25 @@ def captured(journey: Journey, place: Place, count: int, effort: Effort) -> Scen
     return replace(first, further=tuple(further), render=settings)
 
 
-def captures(names: Sequence[str], quick: bool, console: Console) -> list[dict[str, Any]]:
+def captures(names: Sequence[str], quick: bool, panorama_samples: int | None, console: Console) -> list[dict[str, Any]]:
     """Measure; write ``bench/results/captures.json``, where other places keep their figures, and a picture of each place.
 
     Args:
         names: of :data:`JOURNEYS`.
         quick: small images and few samples.
+        panorama_samples: a pixel of the panoramas; by default as ``quick`` says.
         console: where progress is shown.
 
     Returns:
         A table for each place: title, head and rows.
     """
     start()
+    effort = QUICK if quick else FULL
+    if panorama_samples is not None:
+        effort = replace(effort, photograph=(effort.photograph[0], panorama_samples))
     kept = json.loads(KEPT.read_text()) if KEPT.is_file() else {}
     for name in names:
-        kept[name] = _table(name, JOURNEYS[name], QUICK if quick else FULL, console)
+        kept[name] = _table(name, JOURNEYS[name], effort, console)
         RESULTS.mkdir(parents=True, exist_ok=True)
         KEPT.write_text(json.dumps({each: kept[each] for each in JOURNEYS if each in kept}, indent=1) + "\n")
     return [kept[name] for name in names]
@@ -222,8 +226,7 @@ def _measured(
         wanted = replace(full, variance=full.variance + empty.variance)
         for region, mask in find_regions(wanted, empty.mean).items():
             if region in errors and mask.sum() > 16:
-                reference = on_plate(full, empty)
-                squared = np.mean((picture - full.mean)[mask] ** 2) - reference.variance[mask].mean()
+                squared = np.mean((picture - full.mean)[mask] ** 2) - full.variance[mask].mean()
                 errors[region].append(float(max(squared, 0.0)) / float(full.mean[mask].mean()) ** 2)
     prepared = prepare_place(scene)
     plates = []

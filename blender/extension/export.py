@@ -18,7 +18,21 @@ import numpy as np
 from bpy_extras.io_utils import ExportHelper
 from mathutils import Matrix
 
-from . import cameras, gltf, graph, images, lights, materials, meshes, panorama, photographs, roles, suns, toml
+from . import (
+    cameras,
+    clippedlamps,
+    gltf,
+    graph,
+    images,
+    lights,
+    materials,
+    meshes,
+    panorama,
+    photographs,
+    roles,
+    suns,
+    toml,
+)
 from .evaluation import EvaluationError, unexpected, with_render_depsgraph
 from .groups import File, Group, Look, Source, Together, flat, have_area, placements
 from .meshfolder import Made, MeshFolder, digest_of
@@ -135,9 +149,9 @@ class _Writer:
     counts: defaultdict[str, int] = field(default_factory=lambda: defaultdict(int))
 
     @cached_property
-    def suns(self) -> "_Suns":
+    def real_lights(self) -> "_RealLights":
         """Those that are marked real."""
-        return _Suns(self.folder, self.origin)
+        return _RealLights(self.folder, self.origin, self.depsgraph.scene_eval.lightdepth)
 
     @cached_property
     def in_layer(self) -> set[str]:
@@ -182,7 +196,7 @@ class _Writer:
         if item.type == "LIGHT":
             self._note_light_linking(item)
             if item.lightdepth.real_light:
-                self.suns.add(item, to_world)
+                self.real_lights.add(item, to_world)
             else:
                 self._add_lamp(item, self.local(Matrix(to_world.tolist())))
         elif item.type == "MESH":
@@ -546,7 +560,7 @@ def _render_table(settings) -> dict[str, Any]:
 
 
 def scene_lights(depsgraph, folder: Path, origin: np.ndarray) -> tuple[list[dict[str, Any]], list[str]]:
-    """The ``[[light]]`` tables of a scene: suns that are marked real, and clipped sources.
+    """The ``[[light]]`` tables of a scene: suns and lamps that are marked real.
 
     Args:
         depsgraph: the evaluated scene.
@@ -556,26 +570,28 @@ def scene_lights(depsgraph, folder: Path, origin: np.ndarray) -> tuple[list[dict
     Returns:
         The tables, and notes on what cannot be carried.
     """
-    found = _Suns(folder, origin)
+    found = _RealLights(folder, origin, depsgraph.scene_eval.lightdepth)
     for item, to_world, _, _ in instances(depsgraph, numbered=False):
         if item.type == "LIGHT" and item.lightdepth.real_light:
             found.add(item, to_world)
-    return found.tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth), found.notes
+    return found.tables, found.notes
 
 
 @dataclass
-class _Suns:
-    """Tables of suns that are marked real.
+class _RealLights:
+    """Tables of suns and lamps that are marked real.
 
     Attributes:
         folder: of the scene file.
         origin: of the scene file in Blender's world, shape (3,).
-        tables: one for each sun.
+        settings: of the scene.
+        tables: one for each light.
         notes: what of them cannot be carried.
     """
 
     folder: Path
     origin: np.ndarray
+    settings: Any
     tables: list[dict[str, Any]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
@@ -583,7 +599,13 @@ class _Suns:
         """Add an evaluated lamp with its matrix."""
         names = {table["name"] for table in self.tables}
         name = next(name for name in _numbered(item.name) if name not in names)
-        table, said = suns.sun_table(name, item, Matrix(to_world.tolist()), self.folder, self.origin)
+        matrix = Matrix(to_world.tolist())
+        if item.data.type == "SUN":
+            table, said = suns.sun_table(name, item, matrix, self.folder, self.origin)
+        elif item.data.type == "POINT":
+            table, said = clippedlamps.clipped_table(name, item, matrix, self.settings)
+        else:
+            table, said = None, [f"Light '{name}': only suns and point lamps can be marked real, and it is left out"]
         self.notes += said
         if table is not None:
             self.tables.append(table)
@@ -656,9 +678,13 @@ def export_scene(
     writer.note(*said)
     if moves is not None:
         tables = {name: moves.with_keys(name, table) for name, table in tables.items()}
-    writer.note(*writer.suns.notes)
-    light_tables = writer.suns.tables + suns.clipped_tables(depsgraph.scene_eval.lightdepth)
-    document |= {"light": light_tables, "real": writer.real, "synthetic": writer.synthetic, "camera": tables}
+    writer.note(*writer.real_lights.notes)
+    document |= {
+        "light": writer.real_lights.tables,
+        "real": writer.real,
+        "synthetic": writer.synthetic,
+        "camera": tables,
+    }
     if (
         plate is not None and plate["camera"] in tables and eye_of is None
     ):  # the eyes of stereo stand beside the plate's

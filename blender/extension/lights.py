@@ -94,6 +94,13 @@ def _emitter(colour, factor) -> dict[str, Any]:
     return {"type": "principled", "base_color": [0.0, 0.0, 0.0], "opacity": 0.0, "emission": radiance}
 
 
+def make_plain(light) -> None:
+    """Switch off what changes a lamp's colour and power beyond these themselves."""
+    for plain, value in (("use_nodes", False), ("exposure", 0.0), ("use_temperature", False), ("normalize", True)):
+        if hasattr(light, plain):
+            setattr(light, plain, value)
+
+
 def normalized(light) -> bool:
     """Whether the power is the lamp's own, whatever its size (always so before 4.5)."""
     return getattr(light, "normalize", True)
@@ -106,7 +113,7 @@ def _radius(name, light) -> tuple[float, list[str]]:
     return SMALLEST_RADIUS, [f"Light '{name}': a lamp has a size; its radius became {1000 * SMALLEST_RADIUS:g} mm"]
 
 
-def _sphere_radiance(light, radius) -> float:
+def sphere_radiance(light, radius) -> float:
     """Radiance of a sphere for each watt."""
     return 1.0 / (4.0 * math.pi**2 * radius**2) if normalized(light) else 1.0 / math.pi
 
@@ -119,7 +126,7 @@ def _point(name, light, to_world, colour):
             "shape": "sphere",
             "center": list(to_world.translation),
             "radius": radius,
-            "material": _emitter(colour, _sphere_radiance(light, radius)),
+            "material": _emitter(colour, sphere_radiance(light, radius)),
         }
     ], notes
 
@@ -171,7 +178,7 @@ def _spot(name, light, to_world, colour):
         )
         disk = max(0.5 * (outer - inner) / middle, SMALLEST_SPOT) * radius
         tube_length = radius / middle
-    emitter = _emitter(colour, _sphere_radiance(light, radius) * (radius / disk) ** 2)
+    emitter = _emitter(colour, sphere_radiance(light, radius) * (radius / disk) ** 2)
     tables = [_facing_down(name, "disk", to_world, (disk, disk, 1.0)) | {"material": emitter}]
     if tube_length:
         tube = _facing_down(f"{name} housing", "cylinder", to_world, (radius, radius, tube_length))

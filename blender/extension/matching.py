@@ -201,7 +201,7 @@ class RelatePanorama(_Solves, bpy.types.Operator):
         if not self.by_features and not len(entry.points):
             raise ExportError("No point was clicked: click four or more that both panoramas show, or use features")
         path = panorama.file_of(image, MeshFolder(folder / "image"))
-        cues = ["--auto"] if self.by_features else self.points(entry, image)
+        cues = ["--auto"] if self.by_features else [*self.points(entry, image), *(["--snap"] if entry.snap else [])]
         return ["calibrate", "second", str(path), "--scene", self.scene_file(context, folder), *cues, "--json"]
 
     def take(self, context, question: Question):

@@ -127,16 +127,13 @@ class LightPanel(Sidebar, bpy.types.Panel):
         column = layout.column(align=True)
         column.operator(reallights.RecoverSun.bl_idname, icon="LIGHT_SUN")
         column.operator(reallights.RecoverClipped.bl_idname, icon="LIGHT")
-        for index, entry in enumerate(settings.clipped):
-            box = layout.box()
-            row = box.row()
-            row.prop(entry, "use", text="")
-            row.prop(entry, "name", text="")
-            row.operator(reallights.RemoveClipped.bl_idname, text="", icon="X").index = index
-            column = box.column()
-            column.active = entry.use
-            for name in ("pixel", "radiance", "diameter"):
-                column.prop(entry, name)
+        for item in context.scene.objects:
+            if item.type == "LIGHT" and item.lightdepth.real_light:
+                row = layout.row(align=True)
+                row.prop(item, "name", text="", icon="LIGHT_SUN" if item.data.type == "SUN" else "LIGHT_POINT")
+                row.prop(item.data, "energy", text="")
+                row.prop(item.data, "color", text="")
+                row.prop(item, "hide_render", text="")
         column = layout.column(align=True)
         column.operator(reallights.ImportLights.bl_idname, icon="IMPORT")
         column.operator(reallights.WriteLights.bl_idname, icon="EXPORT")
@@ -222,7 +219,7 @@ class ObjectPanel(bpy.types.Panel):
 
 
 class RealLightPanel(bpy.types.Panel):
-    """Whether a sun belongs to the photographed place."""
+    """Whether a sun or a lamp belongs to the photographed place."""
 
     bl_idname = "LIGHTDEPTH_PT_real_light"
     bl_label = "lightdepth"
@@ -232,8 +229,9 @@ class RealLightPanel(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context):
-        """The object is a sun."""
-        return context.object is not None and context.object.type == "LIGHT" and context.object.data.type == "SUN"
+        """The object is a lamp of a kind that can be real."""
+        item = context.object
+        return item is not None and item.type == "LIGHT" and item.data.type in {"SUN", "POINT"}
 
     def draw(self, context):
         layout, settings = self.layout, context.object.lightdepth
@@ -241,9 +239,14 @@ class RealLightPanel(bpy.types.Panel):
         layout.prop(settings, "real_light")
         column = layout.column()
         column.active = settings.real_light
-        column.prop(settings, "mask")
-        if settings.mask:
-            column.prop(settings, "mask_extent")
+        if context.object.data.type == "POINT":
+            column.prop(settings, "clipped_diameter")
+            return
+        column.prop(settings, "recover_mask")
+        if not settings.recover_mask:
+            column.prop(settings, "mask")
+            if settings.mask:
+                column.prop(settings, "mask_extent")
 
 
 class _Rendering:

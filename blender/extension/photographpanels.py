@@ -56,6 +56,7 @@ def draw_panoramas(layout, context) -> None:
         _draw_gain(box, entry.versions)
         _draw_versions(box, entry.versions)
         _draw_clicks(box, context, entry, index)
+        box.prop(entry, "snap")
         row = box.row(align=True)
         solve = row.operator(matching.RelatePanorama.bl_idname, icon="ORIENTATION_GIMBAL")
         solve.index, solve.by_features = index, False

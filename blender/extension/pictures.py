@@ -82,6 +82,10 @@ class FurtherPanorama(bpy.types.PropertyGroup):
     scale: FloatProperty(name="Radiance", description="Factor on the panorama's radiance", default=1.0, min=0.0)
     versions: PointerProperty(type=Versions)
     points: CollectionProperty(type=SharedPoint, description="Clicked points that the first panorama shows too")
+    snap: BoolProperty(
+        name="Snap Clicks",
+        description="Move each click on this panorama to where it shows what the first one shows around its click",
+    )
     report: StringProperty(description="What relating it said, in lines")
 
 

@@ -47,28 +47,6 @@ class PanoramaPoint(bpy.types.PropertyGroup):
     v: FloatProperty(name="v", min=0.0, max=1.0)
 
 
-class ClippedSource(bpy.types.PropertyGroup):
-    """A source that the panorama clipped, and what it really sends; ``name`` is its own."""
-
-    use: BoolProperty(name="Use", description="Whether the source gives this light", default=True)
-    pixel: FloatVectorProperty(
-        name="Pixel",
-        description="A place in the source, in the panorama's pixels from the upper left",
-        size=2,
-        min=0.0,
-    )
-    radiance: FloatVectorProperty(
-        name="Radiance", description="What it really sends, linear Rec.709, in the panorama's unit", size=3, min=0.0
-    )
-    diameter: FloatProperty(
-        name="Diameter",
-        description="Of a disc around the pixel that has this radiance; 0 for all that is as bright and joined to it",
-        min=0.0,
-        max=math.radians(30.0),
-        subtype="ANGLE",
-    )
-
-
 class SceneSettings(bpy.types.PropertyGroup):
     """The place and how it is rendered."""
 
@@ -131,7 +109,6 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Share of directions that hit something or are sky; -1: not checked", default=-1.0
     )
     check_notes: CollectionProperty(type=Line)
-    clipped: CollectionProperty(type=ClippedSource, description="Sources that the panorama clipped")
     light_notes: CollectionProperty(type=Line)
     export_notes: CollectionProperty(type=Line)
 
@@ -195,7 +172,20 @@ class ObjectSettings(bpy.types.PropertyGroup):
     )
     real_light: BoolProperty(
         name="Real",
-        description="This sun shines into the photographed place: its patch is in the photograph, it lights new objects",
+        description="A sun: it shines into the photographed place, and its patch is in the photograph. A point lamp: it is "
+        "in the photograph where the capture point sees it, which clipped it; its strength is what it really sends",
+    )
+    clipped_diameter: FloatProperty(
+        name="Diameter",
+        description="Of a disc around its middle, from the capture point, that is as bright as it; 0 for all that clipped "
+        "there and is joined",
+        min=0.0,
+        max=math.radians(30.0),
+        subtype="ANGLE",
+    )
+    recover_mask: BoolProperty(
+        name="Mask from Its Patch",
+        description="What the patch in the photograph shows of bars, curtains and trees holds back this sun",
     )
     mask: StringProperty(
         name="Mask",
@@ -249,7 +239,6 @@ classes = (
     Line,
     FloorCorner,
     PanoramaPoint,
-    ClippedSource,
     SceneSettings,
     OwnSlot,
     ObjectSettings,

@@ -1,4 +1,4 @@
-"""Lights of the real place that the photograph lacks: suns as lamps marked real, clipped sources as entries of the scene.
+"""Lights of the real place that the photograph lacks: suns and clipped sources, as lamps marked real.
 
 In a scene file they are ``[[light]]`` tables. They are recovered by the renderer, imported, edited here, and written back.
 """
@@ -18,9 +18,11 @@ from mathutils import Vector
 
 from . import toml
 from .asking import Asks
+from .clippedlamps import show_clipped
 from .evaluation import EvaluationError, unexpected, with_render_depsgraph
 from .export import FAR, ExportError, export_scene, scene_lights
 from .images import from_rec709
+from .lights import make_plain
 from .picking import capture_pose
 from .process import Question
 from .properties import show_lines
@@ -49,7 +51,7 @@ def read_tables(path: Path) -> dict[str, Any]:
 
 
 def show_lights(context, tables: Iterable[Mapping[str, Any]], folder: Path, origin: np.ndarray) -> list[str]:
-    """Make or change the lamps and entries that stand for ``[[light]]`` tables.
+    """Make or change the lamps that stand for ``[[light]]`` tables.
 
     Args:
         context: Blender's.
@@ -71,12 +73,9 @@ def show_lights(context, tables: Iterable[Mapping[str, Any]], folder: Path, orig
                     "azimuth and elevation"
                 )
                 continue
-            if table.get("mask") == "recover":
-                notes.append(f"Light '{name}': its mask = \"recover\" is not taken over")
-                table = {key: value for key, value in table.items() if key != "mask"}
             _show_sun(context, name, table, direction, folder, origin)
         elif kind == "clipped":
-            _show_clipped(context.scene.lightdepth, name, table)
+            show_clipped(context, name, table)
         else:
             notes.append(f"Light '{name}': lights of type '{kind}' are not known here")
     return notes
@@ -104,27 +103,14 @@ def _show_sun(context, name, table, direction, folder, origin) -> None:
     strongest = max(float(irradiance.max()), 1e-30)
     light.color, light.energy = irradiance / strongest, strongest
     light.angle = math.radians(table.get("diameter", 0.53))
-    for plain, value in (("use_nodes", False), ("exposure", 0.0), ("use_temperature", False), ("normalize", True)):
-        if hasattr(light, plain):
-            setattr(light, plain, value)
+    make_plain(light)
     settings.real_light = True
-    settings.mask = ""
-    if "mask" in table:
+    settings.mask, settings.recover_mask = "", table.get("mask") == "recover"
+    if "mask" in table and not settings.recover_mask:
         settings.mask = str((folder / table["mask"]).resolve())
         shift = across(direction, origin)
         settings.mask_extent = [float(edge) + shift[index % 2] for index, edge in enumerate(table["mask_extent"])]
         settings.mask_direction = direction
-
-
-def _show_clipped(settings, name, table) -> None:
-    entry = next((each for each in settings.clipped if each.name == name), None)
-    if entry is None:
-        entry = settings.clipped.add()
-        entry.name = name
-    entry.pixel = table["pixel"]
-    entry.radiance = table["radiance"]
-    entry.diameter = math.radians(table.get("diameter") or 0.0)
-    entry.use = True
 
 
 def spliced(text: str, tables: list[dict[str, Any]]) -> str:
@@ -208,14 +194,14 @@ class ImportsTables(ImportHelper):
 
 
 class ImportLights(bpy.types.Operator, ImportsTables):
-    """Take the lights of a scene file over: suns as lamps marked real, clipped sources as entries"""
+    """Take the lights of a scene file over: suns and clipped sources as lamps marked real"""
 
     bl_idname = "lightdepth.import_lights"
     bl_label = "Import Lights"
     key, header = "light", "[[light]]"
 
     def shown(self, context, tables, folder: Path, origin: np.ndarray) -> Iterable[str]:
-        """Lamps and entries for the lights."""
+        """Lamps for the lights."""
         return show_lights(context, tables, folder, origin)
 
 
@@ -294,7 +280,7 @@ class RecoverClipped(_Recovers, bpy.types.Operator):
     what = "clipped"
 
     def take(self, context, question: Question):
-        """Make what was found entries of the scene."""
+        """Make what was found lamps marked real."""
         sources = question.json(
             lambda found: [_clipped(number, each) for number, each in enumerate(found["sources"], 1)]
         )
@@ -321,19 +307,4 @@ def _clipped(number: int, found: Mapping[str, Any]) -> tuple[dict[str, Any] | No
     return {**found["light"], "name": name}, sentence
 
 
-class RemoveClipped(bpy.types.Operator):
-    """Take this entry away: the source has its light of the photograph again"""
-
-    bl_idname = "lightdepth.remove_clipped"
-    bl_label = "Remove Clipped Source"
-    bl_options: ClassVar = {"REGISTER", "UNDO"}
-
-    index: bpy.props.IntProperty()
-
-    def execute(self, context):
-        """Remove it."""
-        context.scene.lightdepth.clipped.remove(self.index)
-        return {"FINISHED"}
-
-
-classes = (ImportLights, WriteLights, RecoverSun, RecoverClipped, RemoveClipped)
+classes = (ImportLights, WriteLights, RecoverSun, RecoverClipped)

@@ -45,11 +45,6 @@ def sun_table(
         The table, ``None`` where the lamp gives no light or cannot be real, and notes on what cannot be carried.
     """
     light, settings = item.data, item.lightdepth
-    if light.type != "SUN":
-        return None, [
-            f"Light '{name}': only suns can be marked real, and it is left out; a lamp of the place shines in the "
-            "photograph, and one that clipped there belongs into the panel Missing Light"
-        ]
     irradiance, notes = lights.strength(name, light)
     if max(irradiance) <= 0.0:
         return None, notes
@@ -60,7 +55,9 @@ def sun_table(
         irradiance = [value * math.pi * math.sin(math.radians(0.5 * diameter)) ** 2 for value in irradiance]
     direction = toward(to_world)
     table = {"type": "sun", "name": name, "direction": list(direction), "diameter": diameter, "irradiance": irradiance}
-    if settings.mask:
+    if settings.recover_mask:
+        table["mask"] = "recover"
+    elif settings.mask:
         if direction.angle(Vector(settings.mask_direction), math.pi) > math.radians(SAME_DIRECTION):
             notes.append(f"Light '{name}': it was turned after its mask was made, which fits no more and is left out")
         else:
@@ -69,20 +66,3 @@ def sun_table(
             table["mask"] = Path(os.path.relpath(path, folder)).as_posix()
             table["mask_extent"] = [edge - shift[index % 2] for index, edge in enumerate(settings.mask_extent)]
     return table, notes
-
-
-def clipped_tables(settings) -> list[dict[str, Any]]:
-    """The ``[[light]]`` tables of the clipped sources of a scene's settings."""
-    tables = []
-    for entry in settings.clipped:
-        if entry.use:
-            table = {
-                "type": "clipped",
-                "name": entry.name,
-                "pixel": list(entry.pixel),
-                "radiance": list(entry.radiance),
-            }
-            if entry.diameter > 0.0:
-                table["diameter"] = math.degrees(entry.diameter)
-            tables.append(table)
-    return tables

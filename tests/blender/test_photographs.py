@@ -76,6 +76,7 @@ def test_clicked_points_place_the_second_capture_point(found):
     np.testing.assert_allclose(np.array(found["second"])[:3, 3], SECOND["position"], atol=0.002)
     assert found["report"].startswith("Pose solved from 9 points, residual 0.0")
     assert found["shown"] == [1, "second.exr"]
+    assert found["asked to snap"] == [False, True]
 
 
 def test_a_click_counts_on_the_picture_that_is_asked_for(found):
@@ -99,7 +100,9 @@ def test_the_panels_name_what_there_is(found):
     operators = {"add_panorama", "clear_clicks", "click_axis_line", "click_shared_points", "import_photographs"}
     operators |= {"load_plate", "relate_panorama", "remove_panorama", "solve_plate"}
     assert {name.removeprefix("lightdepth.") for name in found["drawn"] if "." in name} == operators
-    assert {"shown", "image", "capture", "gain", "mask", "retouched", "use", "solve_distortion"} <= set(found["drawn"])
+    assert {"shown", "image", "capture", "gain", "mask", "retouched", "snap", "use", "solve_distortion"} <= set(
+        found["drawn"]
+    )
 
 
 def test_photographs_go_to_a_scene_file_and_back(found, folder):

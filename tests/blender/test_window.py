@@ -12,6 +12,8 @@ from lightdepth.directions import euler_rotation
 from lightdepth.images.radiance import write_radiance
 
 WIDTH = 512
+SECOND = np.array([2.6, 2.9, 1.4]), np.array([-2.0, 1.0, 140.0])
+"""Position and rotation of a second panorama."""
 PROGRAMS = {"Xvfb": "xvfb", "xdotool": "xdotool", "nm": "binutils"}
 """Programs that are needed, and Debian's packages that have them."""
 
@@ -38,8 +40,16 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def found(blender, room, display, folder):
     write_radiance(folder / "room.exr", room.radiance(WIDTH))
-    corners = room.pixels(room.RUG, WIDTH) / (WIDTH, WIDTH / 2)
-    (folder / "truth.json").write_text(json.dumps({"corners": corners.tolist(), "width": 2.0}))
+    write_radiance(folder / "second.exr", room.radiance(WIDTH, *SECOND))
+    write_radiance(folder / "plate.exr", room.photo()[::4, ::4] / np.float32(255))
+    shares = np.array([WIDTH, WIDTH / 2])
+    corners = room.pixels(room.RUG, WIDTH) / shares
+    others = {
+        "second": room.pixels(room.RUG, WIDTH, *SECOND) / shares,
+        "plate": room.photo_pixels(room.RUG[1:]) / room.PHOTO.resolution,
+    }
+    pairs = {name: np.stack([corners[-len(each) :], each], axis=1).tolist() for name, each in others.items()}
+    (folder / "truth.json").write_text(json.dumps({"corners": corners.tolist(), "width": 2.0, "pairs": pairs}))
     return blender.run("windowed", folder, DISPLAY=display, LIBGL_ALWAYS_SOFTWARE="1")
 
 
@@ -56,6 +66,12 @@ def test_clicks_at_whole_pixels_give_the_pose(found, room, editor, degrees, metr
     assert np.degrees(np.arccos(np.clip((np.trace(off) - 1.0) / 2.0, -1.0, 1.0))) < degrees
     np.testing.assert_allclose(pose[:3, 3], room.POSITION, atol=metres)
     assert 0.0 <= solved["residual"] < 0.3
+
+
+def test_points_are_clicked_in_turn_on_two_pictures(found, folder):
+    pairs = json.loads((folder / "truth.json").read_text())["pairs"]
+    for name, truth in pairs.items():
+        np.testing.assert_allclose(found["matched"][name], truth, atol=found["pixel"] * 2.0, err_msg=name)
 
 
 def test_blender_stays_usable_while_a_renderer_hangs_and_escape_ends_it(found):

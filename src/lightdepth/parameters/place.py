@@ -14,8 +14,8 @@ class PlaceParameters:
     Attributes:
         sun_light_share: of the light samples for irradiance, for each declared sun.
         most_suns_light_share: the same for all suns together, at most.
-        sun_path_share: of the light paths, for all suns together: what is polished sends most light on where a sun shines
-            on it.
+        least_path_share: of the light paths, for the photograph and for all declared suns together, at least; what of the
+            photograph's light stands out decides.
         least_photograph_share: of the light samples, for each of several photographs, at least.
         least_importance: of a pixel that counts at all, relative to one of a point that no other photograph sees.
         feather: degrees over which a photograph fades out toward an edge of what hides something from it,
@@ -37,7 +37,7 @@ class PlaceParameters:
 
     sun_light_share: Probability = 0.125
     most_suns_light_share: Probability = 0.5
-    sun_path_share: Probability = 0.5
+    least_path_share: Probability = 0.05
     least_photograph_share: Share = 0.05
     least_importance: Share = 0.05
     feather: NotNegative = 1.5

@@ -48,6 +48,7 @@ class RecoveryParameters:
         gloss_samples: samples of each technique at each of them.
         gloss_broken: share of the seen area at which the lobe may still mirror more: the model of the place is rough.
         mirrored_height: rows of the image of what is mirrored, at most.
+        plate_mirrored_height: the same of what a plate shows.
         mirrored_samples: samples of each technique in each of its pixels.
         mirrored_blur: pixels across the square in which its noise is shared.
     """
@@ -88,6 +89,7 @@ class RecoveryParameters:
     gloss_samples: Count = 128
     gloss_broken: Share = 0.05
     mirrored_height: Count = 512
+    plate_mirrored_height: Count = 256
     mirrored_samples: Count = 32
     mirrored_blur: Count = 3
 

@@ -60,6 +60,8 @@ class MapDistribution:
 
     Attributes:
         power: luminance times solid angle that is sampled, with its importance.
+        light: luminance times solid angle of the whole map.
+        standing_out: what of it lies above its mean.
     """
 
     def __init__(
@@ -76,6 +78,7 @@ class MapDistribution:
         standing_out = sum(
             float(np.maximum(row - mean, 0.0).sum()) * angle for row, angle in zip(weights, solid_angles, strict=True)
         )
+        self.light, self.standing_out = total, standing_out
         if standing_out > EVEN * total and not alone:
             weights -= mean
             np.maximum(weights, 0.0, out=weights)

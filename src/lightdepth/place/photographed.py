@@ -41,6 +41,12 @@ class Photographed(RealLight):
         """Rows of pixels of the finest photograph."""
         return max(photograph.map.height for photograph in self.each)
 
+    @property
+    def standing_out(self) -> float:
+        """Share of their light that lies above their mean: what light sampling finds better than scattering does."""
+        light = sum(photograph.map.light for photograph in self.each)
+        return sum(photograph.map.standing_out for photograph in self.each) / max(light, 1e-30)
+
     @abstractmethod
     def with_surfaces(self, surfaces: TracedSurfaces) -> Self:
         """The same, with other meshes of the same surfaces, refined ones for instance."""

@@ -68,8 +68,15 @@ class Place:
         self.plate: SeenPlate | None = None
         share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.suns), 1))
         self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
-        path_share = parameters.sun_path_share / max(len(self.suns), 1)
+        # Light that hardly stands out is left to camera paths, in the light of suns too.
+        least = parameters.least_path_share
+        path_share = min(max(1.0 - self.standing_out, least), 1.0 - least) / max(len(self.suns), 1)
         self.path_shares = (1.0 - path_share * len(self.suns), *(path_share for _ in self.suns))
+
+    @property
+    def standing_out(self) -> float:
+        """Share of the photograph's light that stands out of it: see :attr:`Photographed.standing_out`."""
+        return self.photograph.standing_out
 
     @property
     def lights(self) -> tuple[RealLight, ...]:

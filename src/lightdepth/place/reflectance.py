@@ -26,12 +26,13 @@ def recovered_reflectance(
         active: where it is wanted.
     """
     radiance = place.photograph.surface_radiance(hit, direction, active)
+    mirrored = place.photograph.mirrored(hit, direction, active)
     if place.plate is not None:
-        radiance = place.plate.over(radiance, hit, direction, active)
+        radiance, mirrored = place.plate.over(radiance, mirrored, hit, direction, active)
     rho, specular_scale = reflectance(
         radiance,
         surfaces.irradiance(hit, active),
-        place.photograph.mirrored(hit, direction, active),
+        mirrored,
         surfaces.typical_albedo(hit, active),
         place.parameters,
     )

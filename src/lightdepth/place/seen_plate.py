@@ -5,6 +5,7 @@ Equations: docs/theory.md, section 10. It lights nothing; where it shows support
 
 from __future__ import annotations
 
+import cv2
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -27,6 +28,8 @@ class SeenPlate:
         view: its camera.
         gain: of each channel, what the plate shows over what the panoramas show, shape (3,), float32.
         surfaces: the real surfaces to trace.
+        mirrored: radiance that glossy surfaces mirror toward the camera (eq. 6b), in the unit of the panoramas, over the
+            whole picture but with fewer pixels, shape (h, w, 3), float32; ``None`` leaves glossy surfaces to the panoramas.
 
     Attributes:
         radiance: as given.
@@ -36,7 +39,12 @@ class SeenPlate:
     """
 
     def __init__(
-        self, radiance: NDArray[np.float32], view: Viewpoint, gain: NDArray[np.float32], surfaces: TracedSurfaces
+        self,
+        radiance: NDArray[np.float32],
+        view: Viewpoint,
+        gain: NDArray[np.float32],
+        surfaces: TracedSurfaces,
+        mirrored: NDArray[np.float32] | None = None,
     ) -> None:
         self.radiance, self.view, self.gain = radiance, view, gain
         self.scaled = radiance / gain
@@ -44,6 +52,13 @@ class SeenPlate:
         padded = aligned_empty((height * width, 4))
         padded[:, :3], padded[:, 3] = self.scaled.reshape(-1, 3), self._distances(surfaces).reshape(-1)
         self._pixels = mi.Float(padded.reshape(-1))
+        self._mirrored: mi.Float | None = None
+        if mirrored is not None:
+            finer = aligned_empty((height * width, 4))
+            # Exactly to the picture's pixels, and smooth between those of the coarser image.
+            finer[:, :3] = cv2.resize(mirrored, (width, height), interpolation=cv2.INTER_LINEAR).reshape(-1, 3)
+            finer[:, 3] = 0.0
+            self._mirrored = mi.Float(finer.reshape(-1))
         self._size = dr.opaque(mi.UInt32, width), dr.opaque(mi.UInt32, height)
         view.project(mi.Point3f(0.0), mi.Point2f(0.5))  # Makes the pose's variables, which must not happen in a loop.
         self._pixel_angle = float(np.radians(1.0 / view.camera.pixels_per_degree()))
@@ -66,23 +81,31 @@ class SeenPlate:
             distances[maximum_filter(removed, 2 * REMOVED_RIM + 1)] = 0.0
         return distances
 
-    def over(self, photographed: mi.Color3f, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
+    def over(
+        self, photographed: mi.Color3f, mirrored: mi.Color3f, hit: RealHit, direction: mi.Vector3f, active: mi.Bool
+    ) -> tuple[mi.Color3f, mi.Color3f]:
         """What the plate shows of points of real surfaces, in the unit of the panoramas; else what these show.
 
-        It is the very pixel, so that what a camera ray meets has the albedo that its own pixel shows. Glossy surfaces are
-        left to the panoramas, since their highlights lie elsewhere here, and so are relit ones, which moved.
+        It is the very pixel, so that what a camera ray meets has the albedo that its own pixel shows. Relit surfaces, which
+        moved, are left to the panoramas.
 
         Args:
             photographed: what the panoramas show there.
+            mirrored: what of it the points mirror.
             hit: the points.
             direction: in which they are looked at, unit, world.
             active: where it is wanted.
+
+        Returns:
+            Radiance, and what of it is mirrored, toward whichever camera showed it.
         """
         projection = self.view.project(hit.point, mi.Point2f(0.5))
         width, height = self._size
         column = dr.minimum(mi.UInt32(dr.maximum(projection.film.x, 0.0) * mi.Float(width)), width - 1)
         row = dr.minimum(mi.UInt32(dr.maximum(projection.film.y, 0.0) * mi.Float(height)), height - 1)
-        wanted = active & projection.inside & (hit.gloss == 0) & (hit.kind != int(FaceKind.RELIT))
+        wanted = active & projection.inside & (hit.kind != int(FaceKind.RELIT))
+        if self._mirrored is None:
+            wanted &= hit.gloss == 0
         pixel = dr.gather(mi.Vector4f, self._pixels, row * width + column, wanted)
         offset = mi.Vector3f(hit.point - projection.origin)
         distance = dr.norm(offset)
@@ -91,4 +114,9 @@ class SeenPlate:
         beside = dr.abs(distance - pixel.w) * dr.abs(height_above) * dr.rcp(dr.maximum(distance, 1e-20))
         shows = wanted & (pixel.w > 0.0) & (beside <= (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * distance)
         shows &= height_above * dr.dot(hit.normal, direction) > 0.0
-        return dr.select(shows, dr.maximum(mi.Color3f(pixel.x, pixel.y, pixel.z), 0.0), photographed)
+        radiance = dr.select(shows, dr.maximum(mi.Color3f(pixel.x, pixel.y, pixel.z), 0.0), photographed)
+        if self._mirrored is None:
+            return radiance, mirrored
+        glossy = shows & (hit.gloss > 0)
+        here = dr.gather(mi.Vector4f, self._mirrored, row * width + column, glossy)
+        return radiance, dr.select(glossy, mi.Color3f(here.x, here.y, here.z), mirrored)

@@ -82,10 +82,13 @@ class Sun(RealLight):
         """The disc's radiance where rays run into it, through an opening or past all real surfaces."""
         within = active & (1.0 - dr.dot(ray.d, mi.Vector3f(self._axes[2])) <= self._versine)
         within &= ~hit.valid | (hit.kind == int(FaceKind.OPENING))
-        blocked = self.blocked(ray, within)
-        if self.surfaces.has_removed:
-            blocked = dr.select(kept, self.blocked(ray, within, kept=True), blocked)
-        within &= ~blocked
+        # What lies behind an opening may keep the sun out; where nothing real is met, nothing does.
+        if FaceKind.OPENING in self.surfaces.kinds:
+            behind = within & hit.valid
+            blocked = self.blocked(ray, behind)
+            if self.surfaces.has_removed:
+                blocked = dr.select(kept, self.blocked(ray, behind, kept=True), blocked)
+            within &= ~(behind & blocked)
         radiance = self._radiance * self.transmittance(ray.o)
         return dr.select(within, radiance, 0.0), dr.select(within, self._density, 0.0), mi.Bool(False)
 

@@ -9,6 +9,7 @@ from lightdepth.place.place import Place
 from lightdepth.place.seen_plate import SeenPlate
 from lightdepth.preparation.place import PreparedPlace
 from lightdepth.recovery.plate_gain import solve_plate_gain
+from lightdepth.recovery.specular import plate_mirrored
 from lightdepth.scene.identity import digest, view_digest
 from lightdepth.scene.model import Scene
 
@@ -31,7 +32,7 @@ def with_plate(place: Place, scene: Scene, prepared: PreparedPlace) -> Place:
     if plate is None:
         return place
     view, kept = scene.cameras[plate.camera], prepared.seen_plates
-    key = digest(plate.radiance, plate.gain, view_digest(view))
+    key = digest(plate.radiance, plate.gain, view_digest(view), scene.render.parameters.recovery)
     if key not in kept:
         if plate.gain is None:
             balance = solve_plate_gain(plate.radiance, view, prepared.place)
@@ -40,7 +41,8 @@ def with_plate(place: Place, scene: Scene, prepared: PreparedPlace) -> Place:
             gain = balance.gain
         else:
             gain = np.asarray(plate.gain, np.float32)
-        kept[key] = SeenPlate(plate.radiance, view, gain, prepared.place.surfaces)
+        mirrored = plate_mirrored(prepared.place, view, parameters=scene.render.parameters.recovery)
+        kept[key] = SeenPlate(plate.radiance, view, gain, prepared.place.surfaces, mirrored)
         while len(kept) > KEPT:
             kept.pop(next(iter(kept)))
     return place.with_plate(kept[key])

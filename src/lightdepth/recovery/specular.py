@@ -17,6 +17,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.cameras import Viewpoint
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.variables import as_vectors
 from lightdepth.parameters.recovery import DEFAULT, RecoveryParameters
@@ -24,6 +25,7 @@ from lightdepth.place.photograph import Photograph
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import RealSurfaces
 from lightdepth.place.support_scattering import SpecularLobes
+from lightdepth.place.traced_surfaces import RealHit
 from lightdepth.recovery.irradiance import estimate_irradiance, estimate_mirrored
 from lightdepth.recovery.mesh_components import wind_toward_capture
 from lightdepth.scene.identity import digest, place_digest
@@ -145,6 +147,34 @@ def recover_mirrored(
     return tuple(_mirrored(place, each, surfaces, generator, parameters) for each in place.photograph.each)
 
 
+def plate_mirrored(
+    place: Place, view: Viewpoint, seed: int = 0, parameters: RecoveryParameters = DEFAULT
+) -> NDArray[np.float32] | None:
+    """The radiance ``S`` that specular lobes mirror to the camera of a plate, over its picture.
+
+    Args:
+        place: the place before insertion, whose glosses are known.
+        view: the camera.
+        seed: of the samples.
+        parameters: how carefully.
+
+    Returns:
+        Shape (h, w, 3), with at most ``plate_mirrored_height`` rows; ``None`` where nothing is glossy.
+    """
+    if not place.glosses or place.infinite:
+        return None
+    width, height = view.resolution
+    rows = min(parameters.plate_mirrored_height, height)
+    columns = max(1, round(width * rows / height))
+
+    def look(column: mi.Float, row: mi.Float) -> tuple[RealHit, mi.Bool]:
+        seen = view.rays(mi.Point2f((column + 0.5) / columns, (row + 0.5) / rows), mi.Point2f(0.5))
+        return place.surfaces.first_real(seen.ray, seen.inside), seen.inside
+
+    eye = np.asarray(view.position, np.float64)
+    return _image(place, (rows, columns), eye, look, place.glosses, np.random.default_rng(seed), parameters)
+
+
 def _mirrored(
     place: Place,
     photograph: Photograph,
@@ -154,20 +184,35 @@ def _mirrored(
 ) -> NDArray[np.float32]:
     """The same of one photograph."""
     height = min(parameters.mirrored_height, photograph.map.height)
-    image = np.zeros((height, 2 * height, 3), np.float32)
-    lobes = SpecularLobes(surfaces.glosses)
-    for band in bands(2 * height, height):
-        u, v = (band.column + 0.5) / (2 * height), (band.row + 0.5) / height
-        hit = photograph.look(u, v)
-        glossy = (hit.valid & (hit.gloss > 0)).numpy()
-        normal = dr.mulsign(
-            mi.Vector3f(hit.normal), dr.dot(hit.normal, mi.Vector3f(*photograph.capture.tolist()) - hit.point)
-        )
+
+    def look(column: mi.Float, row: mi.Float) -> tuple[RealHit, mi.Bool]:
+        return photograph.look((column + 0.5) / (2 * height), (row + 0.5) / height), mi.Bool(True)
+
+    return _image(place, (height, 2 * height), photograph.capture, look, surfaces.glosses, generator, parameters)
+
+
+def _image(
+    place: Place,
+    shape: tuple[int, int],
+    eye: NDArray[np.float64],
+    look: Callable[[mi.Float, mi.Float], tuple[RealHit, mi.Bool]],
+    glosses: tuple[Gloss, ...],
+    generator: np.random.Generator,
+    parameters: RecoveryParameters,
+) -> NDArray[np.float32]:
+    """What is mirrored toward an eye, in the pixels of an image: what each sees, and whether it is inside."""
+    rows, columns = shape
+    image = np.zeros((rows, columns, 3), np.float32)
+    lobes = SpecularLobes(glosses)
+    for band in bands(columns, rows):
+        hit, inside = look(band.column, band.row)
+        glossy = (inside & hit.valid & (hit.gloss > 0)).numpy()
+        normal = dr.mulsign(mi.Vector3f(hit.normal), dr.dot(hit.normal, mi.Vector3f(*eye.tolist()) - hit.point))
         points, normals = (value.numpy().T[glossy] for value in (hit.point, normal))
         gloss = hit.gloss.numpy()[glossy].astype(np.uint32)
         found = np.zeros((len(glossy), 3), np.float32)
         found[glossy] = estimate_mirrored(
-            place, points, normals, lobes, gloss, generator, parameters.mirrored_samples, capture=photograph.capture
+            place, points, normals, lobes, gloss, generator, parameters.mirrored_samples, capture=eye
         )
         image[band.rows] = found.reshape(*band.shape, 3)
     weight = (image > 0.0).any(axis=2).astype(np.float32)

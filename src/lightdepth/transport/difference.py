@@ -29,7 +29,7 @@ from lightdepth.place.support_scattering import SpecularLobes, SupportScattering
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces, leave, select_hit
 from lightdepth.scene.model import Gloss
 from lightdepth.transport.integrator import CameraSamples, Integrator, Path
-from lightdepth.transport.light_sampling import LightSampling, Vertex, map_share, mis_weight
+from lightdepth.transport.light_sampling import LightSampling, Vertex, mis_weight
 from lightdepth.transport.light_tracing import LightTracer
 from lightdepth.transport.radiance_cache import NO_CELL, RadianceCache
 
@@ -99,6 +99,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         self.has_relit = FaceKind.RELIT in surfaces.kinds
         self.has_mirrors = self.lobes.any and not place.infinite
         self.has_support = surfaces.changes
+        self.light_sampling = LightSampling(place, surfaces, self.has_emitters, parameters)
         if bounds and targets and self.has_support and not surfaces.materials.have_holes and not surfaces.has_unseen:
             self.light_tracer = LightTracer(
                 place,
@@ -107,10 +108,10 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
                 targets,
                 self.lobes,
                 self.max_bounces,
-                map_share(self.has_emitters) * parameters.candidates,
+                self.light_sampling.samples,
                 parameters,
             )
-        self.light_sampling = LightSampling(place, surfaces, self.has_emitters, parameters, self.light_tracer)
+            self.light_sampling.light_tracer = self.light_tracer
 
     def new_cache(self) -> RadianceCache | None:
         """As the base says."""
@@ -333,14 +334,14 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         values = []
         arriving = self.place.arriving(ray, hit, distance, wanted, arrived)
         counts = [last.weight_samples, *(mi.Float(1.0) for _ in self.place.suns)]
-        for (radiance, pdf, finite), count, share in zip(arriving, counts, self.place.path_shares, strict=True):
+        for index, ((radiance, pdf, finite), count) in enumerate(zip(arriving, counts, strict=True)):
             value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
             if self.light_tracer is not None:
                 light = dr.select(finite, mi.Vector3f(hit.point), ray.d)
                 # Light tracing needs a vertex between the light and what the camera sees.
                 pdf_ratio = dr.select(path.depth > 1, path.pdf_ratio, 0.0)
                 weight = self.light_tracer.camera_weight(
-                    pdf_ratio, light, finite, pdf * share, distance, last.point, ray.d, last.pdf
+                    pdf_ratio, index, light, finite, pdf, distance, last.point, ray.d, last.pdf
                 )
                 value *= dr.select(blocked, 1.0, weight)
             values.append(value)

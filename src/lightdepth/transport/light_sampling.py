@@ -15,7 +15,6 @@ from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind
-from lightdepth.place.sun import Sun
 from lightdepth.place.support_scattering import SupportScattering
 from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
 from lightdepth.transport.light_tracing import LightTracer
@@ -55,10 +54,11 @@ class LightSampling:
         surfaces: real and synthetic surfaces.
         has_emitters: whether some of the latter emit light.
         parameters: how many candidates.
-        light_tracer: what the samples are MIS-weighted against besides scattering, or ``None``.
 
     Attributes:
         map_share: share of the samples that are of the map; the others are of synthetic emitters.
+        samples: how many light samples of each light of the place those at an object count as in MIS.
+        light_tracer: what the samples are MIS-weighted against besides scattering, or ``None``.
     """
 
     def __init__(
@@ -67,19 +67,25 @@ class LightSampling:
         surfaces: TracedSurfaces,
         has_emitters: bool,
         parameters: TransportParameters,
-        light_tracer: LightTracer | None,
     ) -> None:
-        self._place, self._surfaces, self._parameters, self._light_tracer = place, surfaces, parameters, light_tracer
+        self._place, self._surfaces, self._parameters = place, surfaces, parameters
+        self.light_tracer: LightTracer | None = None
         self._has_emitters = has_emitters
         self._has_relit = not surfaces.kinds.isdisjoint((FaceKind.RELIT, FaceKind.REMOVED))
-        self.map_share = map_share(has_emitters)
+        self.map_share = 0.5 if has_emitters else 1.0
+        # What little stands out of the map beside declared suns is found by scattering, with less noise and less work.
+        self._map_worth = place.standing_out if place.suns else 1.0
+        self._candidates = max(round(parameters.candidates * self._map_worth), 1)
+        of_map = self.map_share * (parameters.candidates * self._map_worth)
+        self.samples = (of_map, *(1.0 for _ in place.suns))
 
     def weight_samples(self, in_difference: mi.Bool) -> mi.Float:
         """How many light samples of the map the one at vertices counts as in MIS.
 
         In difference mode the result depends on whether the one shadow ray is blocked, so its candidates count as one.
         """
-        return self.map_share * dr.select(in_difference, mi.Float(1.0), float(self._parameters.candidates))
+        worth = self._map_worth
+        return self.map_share * dr.select(in_difference, mi.Float(worth), self._parameters.candidates * worth)
 
     def direct(
         self,
@@ -113,7 +119,7 @@ class LightSampling:
         u, gain = self._resampled(lights, context, vertex, active & from_map, u, u_select, weight_samples)
         light = lights.sample(u, active & from_map)
         direction, distance, map_pdf = self._place.toward(light, vertex.point)
-        mis_pdf, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * self._parameters.candidates)
+        mis_pdf, pdf = map_pdf * weight_samples, map_pdf * (self.map_share * self._candidates)
         radiance = light.radiance * gain
         if self._has_emitters:
             reference = dr.zeros(mi.SurfaceInteraction3f)
@@ -130,12 +136,13 @@ class LightSampling:
 
         value, scattering_pdf = self.scattering(context, vertex, direction, active)
         value *= radiance * (mis_weight(mis_pdf, scattering_pdf) / dr.maximum(pdf, 1e-20))
-        if self._light_tracer is not None:
-            camera_weight = self._light_tracer.camera_weight(
+        if self.light_tracer is not None:
+            camera_weight = self.light_tracer.camera_weight(
                 pdf_ratio,
+                0,
                 light.position,
                 light.finite,
-                map_pdf * self._place.path_shares[0],
+                map_pdf,
                 distance,
                 vertex.point,
                 direction,
@@ -145,14 +152,13 @@ class LightSampling:
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
         value *= self.visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
         value = dr.select(useful, value, 0.0)
-        for sun, share in zip(self._place.suns, self._place.path_shares[1:], strict=True):
-            value += self._sunlight(sun, share, sampler, context, vertex, active, first, pdf_ratio)
+        for index in range(len(self._place.suns)):
+            value += self._sunlight(index, sampler, context, vertex, active, first, pdf_ratio)
         return value
 
     def _sunlight(
         self,
-        sun: Sun,
-        share: float,
+        index: int,
         sampler: Sampler,
         context: mi.BSDFContext,
         vertex: Vertex,
@@ -166,8 +172,7 @@ class LightSampling:
         the two, as noisy as the sun's part and the map's are alike.
 
         Args:
-            sun: which one.
-            share: of the light paths that are of it.
+            index: which one.
             sampler: random numbers of the paths.
             context: for the BSDFs.
             vertex: where the paths are.
@@ -175,6 +180,7 @@ class LightSampling:
             first: which of them are at their first vertex.
             pdf_ratio: of the paths up to there.
         """
+        sun = self._place.suns[index]
         u, v = sampler.stratified("sun")
         light = sun.sample(dr.select(first, u, sampler.next_1d(active)), dr.select(first, v, sampler.next_1d(active)))
         direction = light.position
@@ -184,10 +190,17 @@ class LightSampling:
         value, scattering_pdf = self.scattering(context, vertex, direction, tried)
         weight = mis_weight(light.density, scattering_pdf) / (light.density * chance)
         value *= light.radiance * sun.transmittance(vertex.point) * weight
-        if self._light_tracer is not None:
-            pdf = light.density * share
-            camera_weight = self._light_tracer.camera_weight(
-                pdf_ratio, direction, light.finite, pdf, mi.Float(dr.inf), vertex.point, direction, scattering_pdf
+        if self.light_tracer is not None:
+            camera_weight = self.light_tracer.camera_weight(
+                pdf_ratio,
+                1 + index,
+                direction,
+                light.finite,
+                light.density,
+                mi.Float(dr.inf),
+                vertex.point,
+                direction,
+                scattering_pdf,
             )
             value *= dr.select(vertex.on_synthetic & ~first, camera_weight, 1.0)
         useful = tried & (dr.max(value) > 0.0)
@@ -252,8 +265,8 @@ class LightSampling:
         kept, kept_target, total = mi.Float(u), mi.Float(0.0), mi.Float(0.0)
         u_select = mi.Float(u_select)
         candidate = mi.UInt32(0)
-        while candidate < self._parameters.candidates:
-            u_candidate = (u + mi.Float(candidate)) * (1.0 / self._parameters.candidates)
+        while candidate < self._candidates:
+            u_candidate = (u + mi.Float(candidate)) * (1.0 / self._candidates)
             light = lights.outline(u_candidate, active)
             direction, _, pdf = self._place.toward(light, vertex.point)
             value, scattering_pdf = self.scattering(context, vertex, direction, active)
@@ -351,11 +364,6 @@ class LightSampling:
             remaining = ray.maxt - si.t
             ray = leave(si.p, mi.Vector3f(si.n), ray.d, remaining)
         return passed
-
-
-def map_share(has_emitters: bool) -> float:
-    """Share of the light samples that are of the map: they are shared between it and synthetic emitters."""
-    return 0.5 if has_emitters else 1.0
 
 
 def mis_weight(pdf: mi.Float, other: mi.Float) -> mi.Float:

@@ -7,7 +7,7 @@ sampling (bidirectional path tracing, Veach and Guibas 1995, reduced to the conn
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import drjit as dr
@@ -15,7 +15,7 @@ import mitsuba as mi
 
 from lightdepth.kernel.tracing import first_hit, interaction, meets
 from lightdepth.parameters.transport import DEFAULT, TransportParameters
-from lightdepth.place.light_list import LightList
+from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.object_bounds import ObjectBounds
 from lightdepth.place.place import Place
 from lightdepth.place.real_surfaces import FaceKind
@@ -76,7 +76,8 @@ class LightPath:
         flux: in watts.
         pdf_ratio: the factor of the pdf ratio (:meth:`LightTracer.weight`) that depends on their light and their first
             scattering.
-        light_density: of their light, over the cosine at its surface, per square metre; of sky, per steradian.
+        sampled_density: of the light samples that camera paths take of their light, times how many they count as, over
+            the cosine at its surface, per square metre; of sky, per steradian.
         finite: false where they come from the sky.
         scatterings: so far, all on objects.
         arrived: which have ended after at least one.
@@ -88,7 +89,7 @@ class LightPath:
     active: mi.Bool
     flux: mi.Color3f
     pdf_ratio: mi.Float
-    light_density: mi.Float
+    sampled_density: mi.Float
     finite: mi.Bool
     scatterings: mi.UInt32
     arrived: mi.Bool
@@ -105,7 +106,8 @@ class LightTracer:
         targets: of those that light paths are sent toward.
         lobes: the specular lobes of real surfaces.
         max_bounces: scatterings, the last one included, that a path may have.
-        light_samples: how many light samples of the map those of camera paths at an object count as in MIS.
+        light_samples: how many light samples of each light of the place those of camera paths at an object count as in
+            MIS.
         parameters: how paths are followed.
     """
 
@@ -117,11 +119,11 @@ class LightTracer:
         targets: ObjectBounds,
         lobes: SpecularLobes,
         max_bounces: mi.UInt32,
-        light_samples: float,
+        light_samples: Sequence[float],
         parameters: TransportParameters = DEFAULT,
     ) -> None:
         self.place, self.surfaces, self.bounds, self.targets, self.lobes = place, surfaces, bounds, targets, lobes
-        self.max_bounces, self.light_samples, self.parameters = max_bounces, light_samples, parameters
+        self.max_bounces, self.light_samples, self.parameters = max_bounces, tuple(light_samples), parameters
 
     # -- Multiple importance sampling ----------------------------------------------------------------------------
 
@@ -144,6 +146,7 @@ class LightTracer:
     def camera_weight(
         self,
         pdf_ratio: mi.Float,
+        index: int,
         light: mi.Vector3f,
         finite: mi.Bool,
         pdf: mi.Float,
@@ -156,21 +159,25 @@ class LightTracer:
 
         Args:
             pdf_ratio: the factor of the pdf ratio from their first surface; 0 where light tracing cannot find them.
+            index: of the light among those of the place.
             light: position, world, metres where ``finite``; of sky the direction toward it.
             finite: false for sky.
-            pdf: of the sample as light paths begin there, as seen from ``point``, per steradian.
+            pdf: of the sample among those of its light, as seen from ``point``, per steradian.
             distance: between ``point`` and light, metres.
             point: on the object, world, metres.
             direction: from there to the light, unit, world.
             scattering_pdf: of scattering from the camera path to the light, per steradian; 0 for delta lobes.
         """
         beams = self.targets.beams(light, finite)
-        density = pdf * beams.pdf(point, -direction) * dr.select(finite, dr.rcp(dr.square(distance)), 1.0)
-        return self.weight(pdf_ratio * (density * self._scattered_share(scattering_pdf, pdf)))
+        begun = pdf * self.place.path_shares[index]
+        density = begun * beams.pdf(point, -direction) * dr.select(finite, dr.rcp(dr.square(distance)), 1.0)
+        scattered = self._scattered_share(scattering_pdf, pdf * self.light_samples[index])
+        return self.weight(pdf_ratio * (density * scattered))
 
-    def _scattered_share(self, scattering_pdf: mi.Float, pdf: mi.Float) -> mi.Float:
+    @staticmethod
+    def _scattered_share(scattering_pdf: mi.Float, sampled_pdf: mi.Float) -> mi.Float:
         """Share of camera paths that reach a light by scattering and not by light sampling."""
-        both = scattering_pdf + pdf * self.light_samples
+        both = scattering_pdf + sampled_pdf
         return dr.select(scattering_pdf > 0.0, scattering_pdf / dr.maximum(both, 1e-20), 1.0)
 
     @staticmethod
@@ -220,12 +227,17 @@ class LightTracer:
             active,
             flux=light.radiance * self.place.transmittance(light, origin) / dr.maximum(density, 1e-20),
             pdf_ratio=mi.Float(density),
-            light_density=mi.Float(light_density),
+            sampled_density=light_density * self._samples_per_path(light),
             finite=mi.Bool(light.finite),
             scatterings=mi.UInt32(0),
             arrived=mi.Bool(False),
             found=dr.zeros(mi.PreliminaryIntersection3f, count),
         )
+
+    def _samples_per_path(self, light: LightSample) -> mi.Float:
+        """How many light samples those of camera paths count as, relative to the share of light paths of their light."""
+        photograph, *suns = (n / share for n, share in zip(self.light_samples, self.place.path_shares, strict=True))
+        return dr.select(light.is_sun, mi.Float(suns[0]), mi.Float(photograph)) if suns else mi.Float(photograph)
 
     @dr.syntax
     def _scattered_on_objects(self, path: LightPath) -> LightPath:
@@ -261,8 +273,8 @@ class LightTracer:
         reversed_si.wi = drawn.wo
         _, scattering_pdf = materials.eval_pdf(material, mi.BSDFContext(), reversed_si, si.wi, on_synthetic & first)
         scattering_pdf = dr.select(mi.has_flag(drawn.sampled_type, mi.BSDFFlags.Delta), 0.0, scattering_pdf)
-        light_pdf = path.light_density * dr.select(path.finite, dr.squared_norm(si.p - ray.o), 1.0)
-        pdf_ratio = path.pdf_ratio * dr.select(first, self._scattered_share(scattering_pdf, light_pdf), 1.0)
+        sampled_pdf = path.sampled_density * dr.select(path.finite, dr.squared_norm(si.p - ray.o), 1.0)
+        pdf_ratio = path.pdf_ratio * dr.select(first, self._scattered_share(scattering_pdf, sampled_pdf), 1.0)
 
         survival = dr.clip(dr.max(weight), 0.0, self.parameters.light_largest_survival)
         survival = dr.select(path.scatterings >= self.parameters.light_roulette_depth, survival, 1.0)
@@ -289,7 +301,7 @@ class LightTracer:
             still,
             flux,
             dr.select(scattered, pdf_ratio, path.pdf_ratio),
-            path.light_density,
+            path.sampled_density,
             path.finite,
             path.scatterings + dr.select(scattered, mi.UInt32(1), mi.UInt32(0)),
             path.arrived | arrived,

@@ -47,6 +47,12 @@ finish(SimpleNamespace(index=0), bpy.context, clicked + [(0.5, 0.5)])  # of the 
 bpy.ops.lightdepth.relate_panorama(index=0)
 found["second"] = pose(entry.capture)
 found["report"] = entry.report
+asking = SimpleNamespace(
+    index=0, by_features=False, points=lambda *_: ["--match", "1,1 = 2,2"], scene_file=lambda *_: "scene.toml"
+)
+found["asked to snap"] = []
+for entry.snap in (False, True):
+    found["asked to snap"].append("--snap" in matching.RelatePanorama.arguments(asking, bpy.context, folder))
 
 # A click counts on the picture that is asked for.
 area = next(area for area in bpy.data.screens["Rendering"].areas if area.type == "IMAGE_EDITOR")

@@ -22,31 +22,32 @@ def tables(name):
     return [line.text for line in settings.export_notes]
 
 
-# A sun as a person sets it, with a mask that was made for this direction; a lamp that cannot be real; a clipped source.
+# A sun as a person sets it, with a mask that was made for this direction; a lamp that cannot be real; clipped lamps.
 sun = add_lamp(scene, "SUN", "Low sun", color=(1.0, 0.75, 0.5), energy=200.0, angle=math.radians(0.6))
 sun.rotation_euler = Euler((math.radians(-20.0), math.radians(60.0), 0.3))
 bpy.context.view_layer.update()
 sun.lightdepth.real_light = True
 sun.lightdepth.mask, sun.lightdepth.mask_extent = str(folder / "mask.exr"), (-1.0, -0.5, 1.0, 1.5)
 sun.lightdepth.mask_direction = module("suns").toward(sun.matrix_world)
-add_lamp(scene, "POINT", "Bulb").lightdepth.real_light = True
-entry = settings.clipped.add()
-entry.name, entry.pixel, entry.radiance, entry.diameter = (
-    "Ceiling lamp",
-    (20.5, 4.5),
-    (40.0, 35.0, 30.0),
-    math.radians(12),
-)
-off = settings.clipped.add()
-off.name, off.pixel, off.use = "Off", (1.0, 1.0), False
+add_lamp(scene, "AREA", "Strip").lightdepth.real_light = True
+RADIUS, RADIANCE = 0.1, 40.0
+watts = RADIANCE * 4.0 * math.pi**2 * RADIUS**2
+lamp = add_lamp(scene, "POINT", "Ceiling lamp", color=(1.0, 0.875, 0.75), energy=watts, shadow_soft_size=RADIUS)
+pose = settings.capture.matrix_world
+width, height = settings.image.size
+lamp.location = pose @ (1.1 * module("picking").panorama_direction(20.5 / width, 4.5 / height))
+lamp.lightdepth.real_light, lamp.lightdepth.clipped_diameter = True, math.radians(12)
+off = add_lamp(scene, "POINT", "Off")
+off.lightdepth.real_light, off.hide_render = True, True
+bpy.context.view_layer.update()
 found = {"notes": tables("lights.toml"), "toward": list(module("suns").toward(sun.matrix_world))}
 
 sun.rotation_euler.z += 0.1
 found["turned"] = tables("turned.toml")
 
 # Into a scene without lights, edited there, and back.
-bpy.data.objects.remove(sun)
-settings.clipped.clear()
+for item in [item for item in scene.objects if item.type == "LIGHT"]:
+    bpy.data.objects.remove(item)
 bpy.ops.lightdepth.import_lights(filepath=str(folder / "hand.toml"))
 suns = [item for item in scene.objects if item.type == "LIGHT" and item.data.type == "SUN"]
 found["imported"] = {
@@ -56,15 +57,27 @@ found["imported"] = {
         "diameter": math.degrees(item.data.angle),
         "real": item.lightdepth.real_light,
         "mask": item.lightdepth.mask,
+        "recover": item.lightdepth.recover_mask,
     }
     for item in suns
 }
-found["clipped"] = [[each.name, list(each.pixel), list(each.radiance)] for each in settings.clipped]
+item = scene.objects["lamp"]
+bpy.context.view_layer.update()
+radiance = item.data.energy / (4.0 * math.pi**2 * item.data.shadow_soft_size**2)
+there = pose.inverted() @ item.matrix_world.translation
+hit = scene.ray_cast(bpy.context.evaluated_depsgraph_get(), pose.translation, pose.to_3x3() @ there.normalized())
+found["clipped"] = {
+    "real": item.lightdepth.real_light,
+    "uv": list(module("picking").panorama_coordinates(there)),
+    "size": list(settings.image.size),
+    "radiance": [radiance * channel for channel in item.data.color],
+    "before": there.length / (hit[1] - pose.translation).length,
+}
 bpy.ops.lightdepth.import_lights(filepath=str(folder / "hand.toml"))
-found["again"] = [len(scene.objects), len(settings.clipped)]
-found["objects"] = len([item for item in scene.objects if item.type == "LIGHT" and item.data.type == "SUN"])
+lamps = [item.data.type for item in scene.objects if item.type == "LIGHT" and item.lightdepth.real_light]
+found["again"] = sorted(lamps)
 scene.objects["window sun"].data.energy *= 2.0
-settings.clipped[0].radiance = (50.0, 50.0, 50.0)
+scene.objects["lamp"].data.energy *= 1.5
 bpy.ops.lightdepth.write_lights(filepath=str(folder / "hand.toml"))
 
 found["refused"] = [

@@ -44,6 +44,7 @@ def steps():
     yield from model(scene)
     yield from render(scene)
     yield from preview()
+    yield from match_pictures()
     answer(**found)
 
 
@@ -288,6 +289,40 @@ def preview():
     space.shading.type = "SOLID"
     yield from until(lambda: not viewport._live)
     found["renderers after the preview"] = renderers()
+
+
+def match_pictures():
+    """Points clicked in turn on the first panorama and on a second one, then on the first and on a plate."""
+    scene = bpy.context.window_manager.windows[0].scene
+    settings = scene.lightdepth
+    window.editor("IMAGE_EDITOR")["area"].spaces.active.show_region_ui = True
+    yield from drawn()
+    where = window.editor("IMAGE_EDITOR")
+    sidebar = next(region for region in where["area"].regions if region.type == "UI")
+    sidebar.active_panel_category = "lightdepth"
+    camera = add_camera(scene)
+    with bpy.context.temp_override(**where):
+        bpy.ops.lightdepth.add_panorama(filepath=str(folder / "second.exr"))
+        bpy.ops.lightdepth.load_plate(filepath=str(folder / "plate.exr"))
+    plate = camera.data.lightdepth.plate
+    found["matched"] = {}
+    for name, index, owner in (("second", 0, settings.further[0]), ("plate", -1, plate)):
+        with bpy.context.temp_override(**where):
+            bpy.ops.lightdepth.click_shared_points("INVOKE_DEFAULT", index=index)
+        tool = tools()[0]
+        for pair in truth["pairs"][name]:
+            for place in pair:
+                yield from drawn()
+                with bpy.context.temp_override(**where):
+                    bpy.ops.image.view_all(fit_view=True)
+                yield from drawn()
+                yield from clicked(
+                    tool, where, where["region"].view2d.view_to_region(place[0], 1.0 - place[1], clip=False)
+                )
+        window.press("Return")
+        yield from until(lambda: not tools())
+        found["matched"][name] = [[list(pair.first), list(pair.other)] for pair in owner.points]
+    yield from drawn()
 
 
 def settled(shown):
