@@ -79,6 +79,13 @@ def test_samples_go_where_the_error_is(scene):
     check_seen(frame.samples[noisy].mean() / frame.samples[quiet].mean(), Seen(11, 4.13, 4.13, 0.195), low=1.5)
 
 
+def test_no_pixel_is_given_up(scene):
+    """Most of the room is even, and a pilot of 16 samples finds no error there."""
+    frame = lightdepth.render(scene, "view", samples=512)
+    assert frame.samples.min() >= 512 / 8
+    assert frame.samples.mean() == pytest.approx(512, rel=0.02)
+
+
 def test_a_pixels_own_luck_does_not_decide_how_many_samples_it_gets(scene):
     rendering = begin_rendering(scene, "view")
     lucky = len(rendering.pixels) // 2
