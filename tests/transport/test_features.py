@@ -390,7 +390,7 @@ def test_walls_far_away_have_no_specks():
     scene = room(objects=[ball(GREY)], max_bounces=1)
     walls = replace(scene.real[0], mesh=box_mesh(-far, far))
     frame = lightdepth.render(replace(scene, real=(walls,)), "pano", samples=16, seed=1)
-    # A sample counts as much as the cone of six radii that half of them are drawn from, which no seed exceeds. One that is not
-    # recognised there counts in full, an eighth or a sixteenth of its pixel.
+    # A sample counts as much as the cone of six radii that half of them are drawn from: no seed exceeds that. One that is
+    # not recognised there counts in full, an eighth or a sixteenth of its pixel.
     assert np.abs(frame.change).max() < 2.0 * (6.0 * 0.4 / 198.0) ** 2
     assert np.abs(frame.change).mean() < 1e-5
