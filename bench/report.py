@@ -203,7 +203,8 @@ def missing_light() -> Iterator[str]:
             "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
             "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
             "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
-            "equal work.\n"
+            "equal work. The table after it compares a declared sun with the same sun in the photograph, which is the same "
+            "light: *at equal error* is time times variance, without the noisiest hundredth of the pixels.\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"
@@ -234,14 +235,16 @@ def _captures() -> Iterator[str]:
     if tables:
         yield "## Several captures of one room\n"
         yield (
-            "Measured with `python -m bench captures`. In the L-shaped room a camera travels from the first capture "
-            "point around the corner into the far leg, of which the first capture sees next to nothing; the second "
+            "Measured with `python -m bench captures --quick --panorama-samples 1024`. In the L-shaped room a camera "
+            "travels from the first capture point around the corner into the far leg, of which the first capture sees "
+            "next to nothing; the second "
             "stands there, the third in the corner. The flat is furnished, and a bookcase divides it: the camera goes "
             "past it into the part behind. The second capture is in the passage, the third behind the bookcase; what "
             "none sees there is the far side of furniture. Errors are root mean squares over all frames. The change "
             "from frame to frame is that of plates 4 cm apart in the middle of the way, the largest that one pixel in "
-            "a hundred exceeds; what is above the truth's is the noise of the panoramas, which moves with the "
-            "surfaces.\n"
+            "a hundred exceeds. What it is above the truth's is the noise of the panoramas, which moves with the "
+            "surfaces: with 64 samples instead of 1024, two and three captures of the L-shaped room have 1.46 and "
+            "1.37.\n"
         )
     for table in tables.values():
         yield f"**{table['title']}**\n"
