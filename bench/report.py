@@ -234,14 +234,16 @@ def _captures() -> Iterator[str]:
     if tables:
         yield "## Several captures of one room\n"
         yield (
-            "Measured with `python -m bench captures`. In the L-shaped room a camera travels from the first capture "
-            "point around the corner into the far leg, of which the first capture sees next to nothing; the second "
+            "Measured with `python -m bench captures --quick --panorama-samples 1024`. In the L-shaped room a camera "
+            "travels from the first capture point around the corner into the far leg, of which the first capture sees "
+            "next to nothing; the second "
             "stands there, the third in the corner. The flat is furnished, and a bookcase divides it: the camera goes "
             "past it into the part behind. The second capture is in the passage, the third behind the bookcase; what "
             "none sees there is the far side of furniture. Errors are root mean squares over all frames. The change "
             "from frame to frame is that of plates 4 cm apart in the middle of the way, the largest that one pixel in "
-            "a hundred exceeds; what is above the truth's is the noise of the panoramas, which moves with the "
-            "surfaces.\n"
+            "a hundred exceeds. What it is above the truth's is the noise of the panoramas, which moves with the "
+            "surfaces: with 64 samples instead of 1024, two and three captures of the L-shaped room have 1.46 and "
+            "1.37.\n"
         )
     for table in tables.values():
         yield f"**{table['title']}**\n"

@@ -23,6 +23,7 @@ from lightdepth.parameters import (  # noqa: E402
     FilmParameters,
     LightingParameters,
     Parameters,
+    QuickstartParameters,
     RecoveryParameters,
     TransportParameters,
 )
@@ -130,6 +131,7 @@ def test_light_is_recovered_with_the_scene_s_parameters(scene):
         (TransportParameters, {"smallest_cell": 5.0}),
         (RecoveryParameters, {"unseen_share": -0.1}),
         (LightingParameters, {"search_darkest": 0.5}),
+        (QuickstartParameters, {"smallest_fov": 90.0}),
     ],
 )
 def test_what_is_out_of_range_is_refused(kind, wrong):
@@ -166,4 +168,8 @@ def test_the_documentation_has_them_all():
     for header, name, value in rows:
         place = header or place
         found += [] if header else [(place, name, value)]
-    assert found == [(place, name, repr(getattr(getattr(Parameters(), place), name))) for place, name in NAMES]
+    first = [
+        ("quickstart", each.name, repr(getattr(QuickstartParameters(), each.name)))
+        for each in fields(QuickstartParameters)
+    ]
+    assert found == [(place, name, repr(getattr(getattr(Parameters(), place), name))) for place, name in NAMES] + first

@@ -1,7 +1,7 @@
 """The scene as a rendering sees it: render visibility, render levels of modifiers, the frame's animation.
 
 Blender makes such a dependency graph only while it renders. An operator that needs one (export, check) therefore
-lets Blender render, with the engine told to hand the graph over instead of rendering.
+lets Blender render, with the engine set to hand the graph over instead of rendering.
 """
 
 import queue

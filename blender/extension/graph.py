@@ -1,7 +1,7 @@
 """What a socket of a shader node tree amounts to: a constant, or an image laid by one set of coordinates.
 
 Constants are folded and whatever is done to one image is done to its pixels; what varies in another way cannot be
-carried and is told by name. Formulas are those of Cycles' nodes (Blender's manual, "Shader Nodes").
+carried and is reported by name. Formulas are those of Cycles' nodes (Blender's manual, "Shader Nodes").
 """
 
 from collections.abc import Callable

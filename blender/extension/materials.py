@@ -1,4 +1,4 @@
-"""Blender's shader nodes as the one material that the renderer's mesh files have; what it lacks is told by name."""
+"""Blender's shader nodes as the one material that the renderer's mesh files have; what it lacks is reported by name."""
 
 from dataclasses import dataclass, field, replace
 

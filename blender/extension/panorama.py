@@ -87,7 +87,7 @@ def rebuild(scene: bpy.types.Scene) -> None:
 
 
 def _build(owner, output_type, shader_type, settings, at_infinity=False, has_rest=False) -> None:
-    """Make the node graph of a world or a material anew."""
+    """Make the node graph of a world or a material again."""
     if hasattr(owner, "use_nodes"):  # deprecated since Blender 5.0, which always has nodes
         owner.use_nodes = True
     nodes, links = owner.node_tree.nodes, owner.node_tree.links

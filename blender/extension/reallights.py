@@ -117,7 +117,7 @@ def spliced(text: str, tables: list[dict[str, Any]]) -> str:
     """A scene file's text with other ``[[light]]`` tables in place of its own; all else stays as it is written.
 
     Raises:
-        LightFileError: the lights cannot be told from the rest of the file.
+        LightFileError: the lights cannot be distinguished from the rest of the file.
     """
     kept: list[str] = []
     place, pending, inside = None, [], False

@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 sys.path.insert(0, str(ROOT))
 
-from bench.captures import CAPTURES, QUICK  # noqa: E402
+from bench.captures import JOURNEYS, QUICK  # noqa: E402
 from bench.places import l_shaped_room  # noqa: E402
 from bench.truth import photograph  # noqa: E402
 
@@ -84,7 +84,7 @@ def main() -> None:
     place = l_shaped_room()
     hall, kitchen = (
         photograph(replace(place, position=position), *QUICK.photograph).mean.astype(np.float32)
-        for position in CAPTURES[:2]
+        for position in JOURNEYS["l_shaped_room"].points[:2]
     )
     _write_panoramas(hall, _with_someone(kitchen / EXPOSED_OTHERWISE))
     lamps = [part.mesh for part in place.parts if part.radiance is not None]

@@ -140,22 +140,22 @@ def test_imprecise_clicks_are_moved_by_the_picture(place, seed):
 
 
 def test_how_many_points_are_enough_is_said(place):
-    """Four clicks of 8 pixels: not enough, and the number that is asked for is."""
+    """Four clicks of 4 pixels: not enough, and the number that is asked for is."""
     four = LAMPS[[0, 1, 2, 3]]
     text = run(
-        place / "kitchen.exr", "--scene", place / "box.toml", *clicks(four), "--click-error", "8", "--json"
+        place / "kitchen.exr", "--scene", place / "box.toml", *clicks(four), "--click-error", "4", "--json"
     ).stdout
     warning = json.loads(text)["warnings"][-1]
-    assert "of the baseline" in warning
+    assert "% of the baseline" in warning
     enough = int(warning.split("about ")[-1].split()[0])
     rng = np.random.default_rng(0)
     faces = rng.integers(0, 3, enough)
     more = rng.uniform(-HALF, HALF, (enough, 3))
     more[np.arange(enough), faces] = HALF * rng.choice([-1.0, 1.0], enough)
     report = json.loads(
-        run(place / "kitchen.exr", "--scene", place / "box.toml", *clicks(more), "--click-error", "8", "--json").stdout
+        run(place / "kitchen.exr", "--scene", place / "box.toml", *clicks(more), "--click-error", "4", "--json").stdout
     )
-    assert report["position_error"] < 1.5 * 0.05 * BASELINE
+    assert 2.0 * report["position_error"] < 1.5 * 0.05 * BASELINE
 
 
 def test_features_give_the_pose(place):

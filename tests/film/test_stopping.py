@@ -83,7 +83,7 @@ def test_renderings_in_threads_give_what_each_gives_alone(scene):
 def test_a_stopped_rendering_goes_on_to_the_same_picture(scene, noise):
     plain = begin_rendering(scene, "view", seed=3)
     count = len(list(plain.run(64, noise)))
-    assert count > 8
+    assert 1 < count // 3 < count - 2
     for stop in (1, count // 3, count - 2):
         stopped = begin_rendering(scene, "view", seed=3)
         passes(stopped, 64, stop, noise=noise)

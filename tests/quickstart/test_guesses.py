@@ -7,6 +7,7 @@ from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.images.panorama_image import PanoramaImage
 from lightdepth.images.radiance import read_radiance
 from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.parameters import QuickstartParameters
 from lightdepth.quickstart.kind import is_open
 from lightdepth.quickstart.objects import default_objects, offsets, plausible_scale
 from lightdepth.quickstart.place import dome, guess_place
@@ -144,3 +145,15 @@ def test_the_view_shows_the_objects_whole(far, tall):
             assert y > 0
             assert abs(x / y) < half
             assert abs(z / y) < half * view.height / view.width
+
+
+def test_guesses_go_by_their_parameters():
+    tuned = QuickstartParameters(ball=0.1, gap=0.0, aspect=0.5, camera_height=1.2, smallest_object=0.3)
+    objects = default_objects(tuned)
+    np.testing.assert_allclose(offsets(objects, tuned), [-0.1, 0.1])
+    spot = FloorSpot(np.array([0.0, 2.0, 0.0]), np.array([0.0, 1.0, 0.0]), 0.0)
+    view = view_of(spot, objects, 1.5, 1024, tuned)
+    assert view.height == view.width / 2
+    assert plausible_scale(0.2)[0] == 1.0
+    assert plausible_scale(0.2, tuned=tuned)[0] != 1.0
+    assert guess_pose(PanoramaImage(np.ones((64, 128, 3), np.float32)), tuned=tuned).height == 1.2

@@ -8,6 +8,7 @@ import pytest
 import lightdepth
 from lightdepth.scene.materials import Emitter, Metal
 from lightdepth.scene.model import Role
+from tests.chance import Seen, check_seen
 from tests.transport.places import CAPTURE, GREY, ball, room
 
 AWAY = CAPTURE + [-0.8, -0.6, -0.2]
@@ -62,8 +63,8 @@ def test_its_light_and_its_reflection_stay(lit):
     beside = (seen.object_id == unseen.object_id) & (seen.coverage == unseen.coverage)
     for where in (beside & (unseen.object_id == 2), beside & (unseen.object_id == 0)):
         lit_by, as_before = unseen.beauty[where].mean(), seen.beauty[where].mean()
-        assert lit_by == pytest.approx(as_before, rel=0.01)
-        assert lit_by > 1.05 * without.beauty[where].mean()
+        check_seen(lit_by / as_before - 1.0, Seen(12, 0.0, 0.002, 0.0056), -0.07, 0.07)
+        assert lit_by > 1.5 * without.beauty[where].mean()
     # The silver ball mirrors the lamp where that stands before it.
     there = (seen.object_id == 3) & (unseen.object_id == 1)
     assert unseen.beauty[there].max() > 5.0 * without.beauty[there].max()

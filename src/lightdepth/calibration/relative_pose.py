@@ -23,6 +23,8 @@ STARTS = 300
 """Rotations from which the search begins."""
 KEPT = 8
 """Of them, that are refined."""
+WEIGHINGS = 2
+"""Times that the best is refined again, with the points weighed as from its position."""
 CONTRADICTION = 8.0
 """Click errors of the residual beyond which the points contradict each other."""
 BEHIND = 10.0
@@ -217,11 +219,11 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
     def parts(vector: FloatArray, start: Rotation) -> tuple[FloatArray, FloatArray]:
         return np.asarray((Rotation.from_rotvec(vector[:3]) * start).as_matrix()), vector[3:]
 
-    best = None
-    for _, rotation, position in begun[:KEPT]:
+    def fitted(rotation: Rotation, position: FloatArray) -> tuple[float, Rotation, FloatArray, FloatArray]:
+        """Cost, rotation, position and Jacobian near a start; points are weighed as from there."""
         whiten = _whitening(points, position)
 
-        def errors(vector: FloatArray, rotation: Rotation = rotation, whiten: FloatArray = whiten) -> FloatArray:
+        def errors(vector: FloatArray) -> FloatArray:
             matrix, place = parts(vector, rotation)
             off = np.einsum("nij,nj->ni", whiten, _vectors(points, matrix, place)).ravel()
             if points.baseline is not None:
@@ -232,10 +234,13 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
         found = least_squares(errors, [0.0, 0.0, 0.0, *position], loss="soft_l1", f_scale=2.0, x_scale=0.1)
         matrix, place = parts(found.x, rotation)
         cost = float(found.cost) + BEHIND * np.count_nonzero(_behind(points, matrix, place))
-        if best is None or cost < best[0]:
-            best = cost, matrix, place, found.jac
-    assert best is not None
-    _, matrix, place, jacobian = best
+        return cost, Rotation.from_matrix(matrix), place, found.jac
+
+    best = min((fitted(rotation, position) for _, rotation, position in begun[:KEPT]), key=lambda each: each[0])
+    for _ in range(WEIGHINGS):
+        best = fitted(*best[1:3])
+    _, turned, place, jacobian = best
+    matrix = np.asarray(turned.as_matrix())
     covariance = np.linalg.pinv(jacobian.T @ jacobian)
     off = np.abs(_off(points, matrix, place))
     away = np.linalg.norm(_triangulated(points, matrix, place) - place, axis=1)

@@ -71,7 +71,7 @@ def snap_shared_points(
     tones = display_brightness(first), display_brightness(second)
     spacing = 2.0 * np.pi / min(first.shape[1], second.shape[1])
     moved = np.zeros(len(points.names), np.bool_)
-    snapped = points
+    snapped, clicked = points, pose
     for _ in range(ROUNDS):
         directions, errors = points.second.copy(), points.click_errors.copy()
         moved[:] = False
@@ -84,6 +84,8 @@ def snap_shared_points(
                     directions[number], errors[number] = found
                     moved[number] = True
                     break
+        if not moved.any():
+            return points, clicked, moved
         for _ in range(2):
             snapped = replace(points, second=directions, click_errors=errors)
             pose = refine(snapped, pose)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from lightdepth.scene.model import Scene
 
 WELL_KNOWN = 0.05
-"""Share of the baseline that the expected error of the position may be; beyond it a warning says so."""
+"""Share of the baseline by which the position may be off, two standard deviations; beyond it a warning says so."""
 
 
 def second(
@@ -221,14 +221,15 @@ def _doubts(points: SharedPoints, pose: RelativePose, report: dict[str, Any]) ->
             f"--snap left {', '.join(still)} where clicked: the second panorama does not show clearly one place there that "
             "looks as in the first, or no surface is known there"
         )
-    share = pose.position_error / max(report["baseline"], 1e-6)
+    error = 2.0 * pose.position_error
+    share = error / max(report["baseline"], 1e-6)
     if share > WELL_KNOWN:
         # Errors fall with the square root of the number of points.
         enough = math.ceil(len(points.names) * (share / WELL_KNOWN) ** 2)
         remedy = "add near points all around" + ("" if report["snapped"] else ", or --snap them")
         doubts.append(
-            f"the position is only known to about {100.0 * pose.position_error:.0f} cm, {100.0 * share:.0f} % of the "
-            f"baseline: {remedy}; about {enough} points like these give {100.0 * WELL_KNOWN:.0f} %"
+            f"the position may be off by {100.0 * error:.0f} cm, {100.0 * share:.0f} % of the baseline: {remedy}; about "
+            f"{enough} points like these make it {100.0 * WELL_KNOWN:.0f} %"
         )
     return doubts
 

@@ -104,8 +104,26 @@ class Allocation:
             np.maximum(more, 0.0, out=more)
         more = self._pixels.inside(more, target.region)
         more *= left / max(float(more.sum(dtype=np.float64)), 1e-30)
+        self._give_all(more, target, left)
         np.minimum(more, self._parameters.most_share * samples, out=more)
         return more, whole
+
+    def _give_all(self, more: NDArray[np.float32], target: Target, left: int) -> None:
+        """Raise ``more``, which adds up to ``left``, to the least share of the samples, and lower the rest for it.
+
+        Where the pilot met nothing, the error seems to be none: what is rare would stay as it was met, however many
+        samples there are.
+        """
+        due: float | NDArray[np.float64] = self._parameters.least_share * target.samples
+        if self._sharing is not None:
+            due = np.where(self._sharing.unchanged, 0.0, due / self._sharing.frames)
+        least = np.subtract(due, self._accumulator.taken, dtype=np.float32, casting="unsafe")
+        if least.max(initial=0.0) <= 0.0:
+            return
+        least = self._pixels.inside(np.maximum(least, 0.0, out=least), target.region)
+        raised = float(np.maximum(least - more, 0.0).sum(dtype=np.float64))
+        more *= max(1.0 - raised / left, 0.0)
+        np.maximum(more, least, out=more)
 
     def _until(self, target: Target, noise: float) -> tuple[NDArray[np.float32], int]:
         """How many more samples each pixel gets for a wanted noise, and how many all will have as far as is known."""

@@ -1,7 +1,8 @@
-"""The constants that were tuned, all of them, and why each has its value: a benchmark varies them without patching modules.
+"""The constants that were tuned, and why each has its value: a benchmark varies them without patching modules.
 
 They are part of a scene's settings (``[render.parameters]`` in its file), and so of every digest of a scene: sums,
-checkpoints, frames and cached places of different parameters are never taken for each other.
+checkpoints, frames and cached places of different parameters are never taken for each other. Those by which a first
+scene is guessed, ``QuickstartParameters``, are arguments of the functions that guess it, and no part of the scene.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
 from lightdepth.parameters.place import PlaceParameters
+from lightdepth.parameters.quickstart import QuickstartParameters
 from lightdepth.parameters.ranges import CHECKED
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.parameters.transport import TransportParameters
@@ -22,6 +24,7 @@ __all__ = [
     "LightingParameters",
     "Parameters",
     "PlaceParameters",
+    "QuickstartParameters",
     "RecoveryParameters",
     "TransportParameters",
 ]

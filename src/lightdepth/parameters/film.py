@@ -34,6 +34,7 @@ class FilmParameters:
         unchanged_pilot: the same in frames that share their samples, of pixels whose middle and whose neighbours' middles
             show neither support nor anything new.
         quantum: further samples come in multiples of this.
+        least_share: no pixel gets less than this share of the average number of samples, however little its error seems.
         most_share: no pixel gets more than this many times the average number of samples.
         contrast: the power of a pixel's brightness that the error is relative to where samples are shared out, as in
             Dammertz et al. 2010; relative to the brightness itself, highlights would get too few.
@@ -81,6 +82,7 @@ class FilmParameters:
     pilot_samples: Count = 16
     unchanged_pilot: Count = 2
     quantum: Count = 4
+    least_share: Share = 0.125
     most_share: Count = 16
     contrast: Share = 0.5
     neighbourhood: Count = 2

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Share
@@ -21,6 +21,9 @@ class TransportParameters:
             finds that it is not.
         directed_share: of the scattered rays at support, that are object-directed where the objects fill a small part of
             the view.
+        far_from_objects: radii of an object's sphere from which on such rays go around it as well, so that it looks as
+            large as from there;
+        surroundings: at most so many radii around its centre.
         glossy_share: of the other ones, that sample the specular lobe of a glossy surface that is not black beneath.
         mirrors_all: share of the paths that come from an object to a glossy surface and follow what its lobe mirrors, of
             all light; the others follow the change of its matte part.
@@ -56,6 +59,8 @@ class TransportParameters:
     candidates: Count = 8
     unlikely_sun: Probability = 0.0625
     directed_share: Probability = 0.5
+    far_from_objects: Positive = 40.0
+    surroundings: Annotated[Positive, Field(ge=1.0)] = 6.0
     glossy_share: Probability = 0.5
     mirrors_all: Probability = 0.75
     most_spheres: Count = 6

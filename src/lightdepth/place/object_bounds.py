@@ -38,10 +38,18 @@ class ObjectBounds:
         self._directed_share = parameters.directed_share
         self._centres = [as_point(centre) for centre, _ in self.spheres]
         self._radii = [dr.opaque(mi.Float, radius) for _, radius in self.spheres]
+        self._around = (
+            dr.opaque(mi.Float, 1.0 / parameters.far_from_objects**2),
+            dr.opaque(mi.Float, parameters.surroundings**2),
+        )
 
     def cones(self, point: mi.Point3f) -> Cones:
-        """The cones of directions from points (world, metres) that the spheres fill."""
-        return Cones(point, self._centres, self._radii, self._directed_share)
+        """The cones of directions from points (world, metres) that the spheres fill, with their surroundings if far away.
+
+        From far away, what the objects change around them, such as their shadows, is as small as they are, and would be
+        met by chance alone, by few samples that are bright or dark spots then.
+        """
+        return Cones(point, self._centres, self._radii, self._directed_share, self._around)
 
     def beams(self, position: mi.Vector3f, finite: mi.Bool) -> Beams:
         """Light that runs from positions to the spheres.
@@ -71,10 +79,23 @@ class ObjectBounds:
 
 
 class Cones:
-    """Directions from a point toward the spheres, sampled uniformly over the sum of their solid angles."""
+    """Directions from a point toward the spheres, sampled uniformly over the sum of their solid angles.
+
+    Args:
+        point: world, metres.
+        centres: of the spheres, world, metres.
+        radii: of the spheres, metres.
+        directed_share: of the samples, where the spheres fill little of the view.
+        around: squared sine of the angle that small spheres are enlarged to, and by how much they are at most, squared.
+    """
 
     def __init__(
-        self, point: mi.Point3f, centres: list[mi.Point3f], radii: list[mi.Float], directed_share: float = 0.0
+        self,
+        point: mi.Point3f,
+        centres: list[mi.Point3f],
+        radii: list[mi.Float],
+        directed_share: float = 0.0,
+        around: tuple[mi.Float, mi.Float] | None = None,
     ) -> None:
         self._directed_share = directed_share
         self._axes, self._squared_chords, self._solid_angles = [], [], []
@@ -83,6 +104,8 @@ class Cones:
             offset = mi.Vector3f(centre - point)
             squared = dr.squared_norm(offset)
             sine_squared = dr.square(radius) / dr.maximum(squared, 1e-20)
+            if around is not None:
+                sine_squared = dr.maximum(sine_squared, dr.minimum(around[0], around[1] * sine_squared))
             cosine = dr.select(sine_squared < 1.0, dr.safe_sqrt(1.0 - sine_squared), -1.0)
             # 1 - cos without cancellation, for objects that are far away.
             versine = dr.select(sine_squared < 1.0, sine_squared / (1.0 + cosine), 2.0)

@@ -1,4 +1,4 @@
-"""Indoors or in the open? Told by the colour and the smoothness of what is above."""
+"""Indoors or in the open? Judged by the colour and the smoothness of what is above."""
 
 from __future__ import annotations
 
@@ -8,41 +8,39 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import FloatArray, direction_to_latlong, pixel_directions, pixel_solid_angles
 from lightdepth.images.tonemapping import LUMINANCE
+from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
 
 HEIGHT = 256
-BLUE = 0.1
-"""Natural logarithm of blue over red from which light is that of the sky, or of what the sky lights."""
-BLUE_SHARE = 0.45
-"""Share of the directions above the horizon with such light from which on the place is in the open. Of the photographs
-looked at, five rooms have up to 0.17, two meadows and a courtyard 0.70 and more."""
-GREY_SKY = 1.5
-"""A zenith that is smooth, and so many times as bright as the ground, is an overcast sky where there are no walls."""
-SMOOTH = 0.1
-"""Standard deviation of the logarithm of luminance within some degrees."""
 
 
-def open_sky_evidence(radiance: NDArray[np.float32], rotation: FloatArray) -> float:
+def open_sky_evidence(
+    radiance: NDArray[np.float32], rotation: FloatArray, tuned: QuickstartParameters = DEFAULT
+) -> float:
     """Share of the directions above the horizon whose light is as blue as that of the sky, in [0, 1].
 
     Args:
         radiance: the panorama, linear RGB, shape (height, 2 height, 3).
         rotation: light space to a level world, shape (3, 3).
+        tuned: what counts as blue.
     """
     small, weight = _levelled(radiance, rotation)
-    blue = np.log(np.maximum(small[..., 2], 1e-6) / np.maximum(small[..., 0], 1e-6)) > BLUE
+    blue = np.log(np.maximum(small[..., 2], 1e-6) / np.maximum(small[..., 0], 1e-6)) > tuned.blue
     above = weight * (np.arange(HEIGHT) < HEIGHT // 2)[:, None]
     return float((above * blue).sum() / above.sum())
 
 
-def is_open(radiance: NDArray[np.float32], rotation: FloatArray, has_walls: bool) -> bool:
+def is_open(
+    radiance: NDArray[np.float32], rotation: FloatArray, has_walls: bool, tuned: QuickstartParameters = DEFAULT
+) -> bool:
     """Whether the place is in the open.
 
     Args:
         radiance: the panorama, linear RGB, shape (height, 2 height, 3).
         rotation: light space to a level world, shape (3, 3).
         has_walls: straight edges show the directions of walls.
+        tuned: how it is guessed.
     """
-    if open_sky_evidence(radiance, rotation) >= BLUE_SHARE:
+    if open_sky_evidence(radiance, rotation, tuned) >= tuned.blue_share:
         return True
     if has_walls:
         return False
@@ -51,11 +49,11 @@ def is_open(radiance: NDArray[np.float32], rotation: FloatArray, has_walls: bool
     mean, square = cv2.blur(luminance, (9, 9)), cv2.blur(luminance**2, (9, 9))
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))
     zenith, ground = slice(0, HEIGHT // 4), slice(9 * HEIGHT // 16, HEIGHT)
-    smooth = float(np.average(spread[zenith] < SMOOTH, weights=weight[zenith]))
+    smooth = float(np.average(spread[zenith] < tuned.smooth, weights=weight[zenith]))
     brighter = np.average(luminance[zenith], weights=weight[zenith]) - np.average(
         luminance[ground], weights=weight[ground]
     )
-    return bool(smooth > 0.8 and brighter > np.log(GREY_SKY))
+    return bool(smooth > 0.8 and brighter > np.log(tuned.grey_sky))
 
 
 def _levelled(radiance: NDArray[np.float32], rotation: FloatArray) -> tuple[NDArray[np.float32], FloatArray]:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
 from lightdepth.quickstart.kind import is_open, open_sky_evidence
 from lightdepth.quickstart.pose import GuessedPose
 from lightdepth.reconstruction.layout import ground, room
@@ -16,13 +17,6 @@ from lightdepth.scene.model import Mesh, RealSurface, Role
 
 FloatArray = NDArray[np.float64]
 Kind = Literal["box", "dome", "ground"]
-
-GROUND_RADIUS = 50.0
-"""Metres."""
-DOME_RADIUS, DOME_HEIGHT = 4.0, 2.6
-"""Camera heights."""
-FILLET = 0.3
-"""Share of the dome's radius over which its ground bends up into its wall."""
 
 
 @dataclass(frozen=True)
@@ -46,24 +40,29 @@ class GuessedPlace:
     high: FloatArray
 
 
-def guess_place(radiance: NDArray[np.float32], pose: GuessedPose, kind: Kind | None = None) -> GuessedPlace:
+def guess_place(
+    radiance: NDArray[np.float32], pose: GuessedPose, kind: Kind | None = None, tuned: QuickstartParameters = DEFAULT
+) -> GuessedPlace:
     """Guess the surfaces of the place; the floor is at height 0.
 
     Args:
         radiance: the panorama, linear RGB, finite, shape (height, 2 height, 3).
         pose: of the panorama.
         kind: what the user says it is; ``None`` finds out.
+        tuned: how it is guessed.
     """
-    if kind is None and is_open(radiance, pose.rotation, pose.frame is not None):
+    if kind is None and is_open(radiance, pose.rotation, pose.frame is not None, tuned):
         kind = "ground"
     if kind == "ground":
-        return _ground(radiance, pose)
+        return _ground(radiance, pose, tuned)
     if pose.frame is None or kind == "dome":
         why = "as asked for" if kind == "dome" else "guess: no room's edges were found to fit a box to"
-        return _dome(pose, why)
+        return _dome(pose, why, tuned)
     box = fit_room_box(radiance, pose.frame, pose.height)
     if kind is None and not box.is_likely:
-        return _dome(pose, f"guess: no box fits the place's edges (only {100 * box.evidence:.0f} % of them are seen)")
+        return _dome(
+            pose, f"guess: no box fits the place's edges (only {100 * box.evidence:.0f} % of them are seen)", tuned
+        )
     low, high = box.low * pose.height, box.high * pose.height
     corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
     size = f"{high[0] - low[0]:.2f} x {high[1] - low[1]:.2f} m, {high[2] + pose.height:.2f} m high"
@@ -71,34 +70,35 @@ def guess_place(radiance: NDArray[np.float32], pose: GuessedPose, kind: Kind | N
     return GuessedPlace("box", room(corners, 0.0, float(high[2] + pose.height)), False, words, low[:2], high[:2])
 
 
-def _ground(radiance: NDArray[np.float32], pose: GuessedPose) -> GuessedPlace:
-    share = open_sky_evidence(radiance, pose.rotation)
+def _ground(radiance: NDArray[np.float32], pose: GuessedPose, tuned: QuickstartParameters) -> GuessedPlace:
+    share = open_sky_evidence(radiance, pose.rotation, tuned)
     words = (
         f"guess: flat ground under the sky, as in the open; {100 * share:.0f} % of what is above the horizon has the "
         "colour of the sky"
     )
-    reach = np.full(2, 0.5 * GROUND_RADIUS)
-    surfaces = ground(np.array([0.0, 0.0, pose.height]), 0.0, GROUND_RADIUS)
+    reach = np.full(2, 0.5 * tuned.ground_radius)
+    surfaces = ground(np.array([0.0, 0.0, pose.height]), 0.0, tuned.ground_radius)
     return GuessedPlace("ground", surfaces, True, words, -reach, reach)
 
 
-def _dome(pose: GuessedPose, why: str) -> GuessedPlace:
-    radius, height = DOME_RADIUS * pose.height, DOME_HEIGHT * pose.height
+def _dome(pose: GuessedPose, why: str, tuned: QuickstartParameters) -> GuessedPlace:
+    radius, height = tuned.dome_radius * pose.height, tuned.dome_height * pose.height
     words = f"{why}; a dome of {radius:.1f} m radius, {height:.1f} m high, that bends into the ground"
-    flat = (1.0 - FILLET) * radius
+    flat = (1.0 - tuned.fillet) * radius
     reach = np.full(2, flat / np.sqrt(2.0))
-    return GuessedPlace("dome", dome(pose.height, radius, height), False, words, -reach, reach)
+    return GuessedPlace("dome", dome(pose.height, radius, height, tuned.fillet), False, words, -reach, reach)
 
 
-def dome(camera_height: float, radius: float, height: float) -> list[RealSurface]:
+def dome(camera_height: float, radius: float, height: float, fillet: float = DEFAULT.fillet) -> list[RealSurface]:
     """Flat ground (support) that bends up into a round wall and a vault (environment): closed, seen from inside.
 
     Args:
         camera_height: of the capture point, which stands over its middle, metres.
         radius: metres.
-        height: of its top, metres, more than ``FILLET`` of the radius.
+        height: of its top, metres, more than ``fillet`` of the radius.
+        fillet: share of the radius over which the ground bends up into the wall.
     """
-    bend = FILLET * radius
+    bend = fillet * radius
     flat = radius - bend
     floor = ground(np.array([0.0, 0.0, camera_height]), 0.0, flat)[0]
     turn = np.linspace(0.0, 0.5 * np.pi, 9)[1:]

@@ -11,11 +11,7 @@ from lightdepth.calibration.room_frame import RoomFrame, find_room_frame
 from lightdepth.directions import FloatArray, rotation_to_euler
 from lightdepth.errors import InputError
 from lightdepth.images.panorama_image import PanoramaImage
-
-USUAL_HEIGHT = 1.6
-"""Metres of a camera on its tripod above the floor, where nobody says."""
-SURE = 0.5
-"""Confidence from which found directions are used."""
+from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
 
 
 @dataclass(frozen=True)
@@ -43,16 +39,19 @@ class GuessedPose:
         return x, y, z
 
 
-def guess_pose(image: PanoramaImage, camera_height: float | None = None) -> GuessedPose:
+def guess_pose(
+    image: PanoramaImage, camera_height: float | None = None, tuned: QuickstartParameters = DEFAULT
+) -> GuessedPose:
     """Find or guess a panorama's pose; the world's origin is on the floor under the camera.
 
     Args:
         image: the panorama, its radiance finite and not negative.
         camera_height: of the lens above the floor, metres, where it is known.
+        tuned: how it is guessed.
     """
-    height = USUAL_HEIGHT if camera_height is None else camera_height
+    height = tuned.camera_height if camera_height is None else camera_height
     height_words = (
-        f"guess: the lens {USUAL_HEIGHT:g} m above the floor; all sizes scale with it, so measure it"
+        f"guess: the lens {tuned.camera_height:g} m above the floor; all sizes scale with it, so measure it"
         if camera_height is None
         else "as given"
     )
@@ -62,7 +61,7 @@ def guess_pose(image: PanoramaImage, camera_height: float | None = None) -> Gues
         doubt = f"straight edges give no sure level (confidence {frame.confidence:.2f} of 1)"
     except InputError:
         doubt = "there are too few straight edges to find the level"
-    if frame is not None and frame.confidence >= SURE:
+    if frame is not None and frame.confidence >= tuned.sure_directions:
         words = f"found by {len(frame.arcs)} straight edges; confidence {frame.confidence:.2f} of 1"
         return GuessedPose(frame.rotation, height, words, height_words, frame)
     if image.rotation is not None:

@@ -14,22 +14,12 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import FloatArray, direction_to_latlong
 from lightdepth.images.writing import whole_file
+from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
 from lightdepth.quickstart.objects import NewObject, offsets
 from lightdepth.quickstart.place import GuessedPlace
 from lightdepth.quickstart.pose import GuessedPose
 from lightdepth.quickstart.spot import FloorSpot
 from lightdepth.reconstruction.scene_file import mesh_path, write_meshes
-
-GROUP_SHARE = 0.3
-"""Of the view's width that the objects take, and at most twice that of its height."""
-FOV = (18.0, 80.0)
-"""Smallest and largest horizontal field of view, degrees."""
-ASPECT = 0.625
-BELOW = 0.15
-"""Share of the view's height below the objects; they stand low in it, so that more of the place is seen."""
-WIDTHS = (640, 1280)
-FINER = 3.0
-"""Pixels of the view to one of the panorama, at most, between these widths."""
 
 
 @dataclass(frozen=True)
@@ -42,14 +32,20 @@ class View:
     look_at: tuple[float, float, float]
 
 
-def group_width(objects: Sequence[NewObject]) -> float:
+def group_width(objects: Sequence[NewObject], tuned: QuickstartParameters = DEFAULT) -> float:
     """From the left side of the first object to the right side of the last, metres."""
-    places = offsets(objects)
+    places = offsets(objects, tuned)
     first, last = (float(max(thing.size[:2])) for thing in (objects[0], objects[-1]))
     return places[-1] - places[0] + 0.5 * (first + last)
 
 
-def view_of(spot: FloorSpot, objects: Sequence[NewObject], camera_height: float, panorama_width: int) -> View:
+def view_of(
+    spot: FloorSpot,
+    objects: Sequence[NewObject],
+    camera_height: float,
+    panorama_width: int,
+    tuned: QuickstartParameters = DEFAULT,
+) -> View:
     """A perspective camera at the capture point that shows the objects and the place around them."""
     tallest = max(float(thing.size[2]) for thing in objects)
     middle = spot.point + [0.0, 0.0, 0.5 * tallest]
@@ -60,23 +56,35 @@ def view_of(spot: FloorSpot, objects: Sequence[NewObject], camera_height: float,
     top = max(
         np.arctan2(tallest - camera_height, far + sign * deepest) for sign in (-0.9, 1.0) if far > deepest or sign > 0
     )
-    across = 2.0 * np.arctan(0.5 * group_width(objects) / distance / GROUP_SHARE)
-    high = (top - bottom) / (2.0 * GROUP_SHARE)
-    fov = float(np.clip(np.degrees(max(across, 2.0 * np.arctan(np.tan(0.5 * high) / ASPECT))), *FOV))
-    upright = 2.0 * np.arctan(ASPECT * np.tan(np.radians(0.5 * fov)))
-    elevation = bottom + (0.5 - BELOW) * upright
+    across = 2.0 * np.arctan(0.5 * group_width(objects, tuned) / distance / tuned.group_share)
+    high = (top - bottom) / (2.0 * tuned.group_share)
+    fov = float(
+        np.clip(
+            np.degrees(max(across, 2.0 * np.arctan(np.tan(0.5 * high) / tuned.aspect))),
+            tuned.smallest_fov,
+            tuned.largest_fov,
+        )
+    )
+    upright = 2.0 * np.arctan(tuned.aspect * np.tan(np.radians(0.5 * fov)))
+    elevation = bottom + (0.5 - tuned.below) * upright
     target = eye + distance * (np.cos(elevation) * spot.away + np.sin(elevation) * np.array([0.0, 0.0, 1.0]))
-    width = int(np.clip(FINER * panorama_width * fov / 360.0, *WIDTHS)) // 16 * 16
+    width = (
+        int(np.clip(tuned.finer * panorama_width * fov / 360.0, tuned.smallest_width, tuned.largest_width)) // 16 * 16
+    )
     x, y, z = (round(float(value), 3) + 0.0 for value in target)
-    return View(width, round(width * ASPECT), round(fov, 1), (x, y, z))
+    return View(width, round(width * tuned.aspect), round(fov, 1), (x, y, z))
 
 
 def object_pixels(
-    spot: FloorSpot, objects: Sequence[NewObject], pose: GuessedPose, size: tuple[int, int]
+    spot: FloorSpot,
+    objects: Sequence[NewObject],
+    pose: GuessedPose,
+    size: tuple[int, int],
+    tuned: QuickstartParameters = DEFAULT,
 ) -> list[tuple[float, float]]:
     """Where in the panorama the floor is seen on which each object stands, pixels."""
     right = np.array([spot.away[1], -spot.away[0], 0.0])
-    points: FloatArray = spot.point + np.array(offsets(objects))[:, None] * right
+    points: FloatArray = spot.point + np.array(offsets(objects, tuned))[:, None] * right
     u, v = direction_to_latlong((points - [0.0, 0.0, pose.height]) @ pose.rotation)
     height, width = size
     return [(round(float(x) * width, 1), round(float(y) * height, 1)) for x, y in zip(u, v, strict=True)]
@@ -90,6 +98,7 @@ def write_first_scene(
     objects: Sequence[NewObject],
     spot: FloorSpot,
     radiance: NDArray[np.float32],
+    tuned: QuickstartParameters = DEFAULT,
 ) -> None:
     """Write the meshes beside a scene file, and the scene file.
 
@@ -101,6 +110,7 @@ def write_first_scene(
         objects: what is new.
         spot: where it stands.
         radiance: the panorama, for its size.
+        tuned: how the camera is guessed.
 
     Raises:
         InputError: a file cannot be written.
@@ -108,8 +118,8 @@ def write_first_scene(
     folder = scene.with_suffix("")
     write_meshes(place.surfaces, folder)
     size = (radiance.shape[0], radiance.shape[1])
-    view = view_of(spot, objects, pose.height, size[1])
-    pixels = object_pixels(spot, objects, pose, size)
+    view = view_of(spot, objects, pose.height, size[1], tuned)
+    pixels = object_pixels(spot, objects, pose, size, tuned)
     text = _text(scene, image, pose, place, objects, spot, pixels, view, folder, size[1])
     with whole_file(scene) as temporary:
         temporary.write_text(text, encoding="utf-8")

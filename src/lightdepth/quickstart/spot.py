@@ -10,20 +10,11 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import FloatArray, direction_to_latlong
 from lightdepth.images.tonemapping import LUMINANCE
+from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
 from lightdepth.quickstart.place import GuessedPlace
 from lightdepth.quickstart.pose import GuessedPose
 
 HEIGHT = 512
-NEAREST = 0.5
-"""Camera heights at least, so that nobody looks straight down on the objects."""
-AROUND = 24
-"""Points around a spot, on each of three rings, that are looked at."""
-MARGIN = 0.1
-"""Metres between the objects and a guessed wall."""
-FORWARD = 0.25
-"""What looking toward the picture's middle is worth, beside differences of colour (natural logarithm)."""
-FAR = 0.2
-"""What each halving or doubling of the best distance costs."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +38,13 @@ class FloorSpot:
 
 
 def find_floor_spot(
-    radiance: NDArray[np.float32], pose: GuessedPose, place: GuessedPlace, reach: float, depth: float, distance: float
+    radiance: NDArray[np.float32],
+    pose: GuessedPose,
+    place: GuessedPlace,
+    reach: float,
+    depth: float,
+    distance: float,
+    tuned: QuickstartParameters = DEFAULT,
 ) -> FloorSpot:
     """Find where the picture looks most like empty floor.
 
@@ -58,6 +55,7 @@ def find_floor_spot(
         reach: half of the width that the objects need beside each other, metres.
         depth: half of the depth that they need, metres.
         distance: from the point under the camera, metres, that is best for looking at them.
+        tuned: what is looked at, and what counts.
     """
     colours = _colours(radiance)
     position = np.array([0.0, 0.0, pose.height])
@@ -66,18 +64,18 @@ def find_floor_spot(
         u, v = direction_to_latlong((points - position) @ pose.rotation)
         return colours[(v * HEIGHT).astype(int).clip(0, HEIGHT - 1), (u * 2 * HEIGHT).astype(int) % (2 * HEIGHT)]
 
-    turn = 2.0 * np.pi * np.arange(AROUND) / AROUND
-    circle = np.stack([np.sin(turn), np.cos(turn), np.zeros(AROUND)], axis=-1)
+    turn = 2.0 * np.pi * np.arange(tuned.around) / tuned.around
+    circle = np.stack([np.sin(turn), np.cos(turn), np.zeros(tuned.around)], axis=-1)
     forward = pose.rotation @ [0.0, 1.0, 0.0]
     best: tuple[float, FloorSpot] | None = None
     for far in distance * np.geomspace(0.3, 1.6, 11):
         for angle in np.radians(np.arange(0.0, 360.0, 7.5)):
             away = np.array([np.sin(angle), np.cos(angle), 0.0])
             point = far * away
-            needed = reach * np.abs(away[[1, 0]]) + depth * np.abs(away[:2]) + MARGIN
+            needed = reach * np.abs(away[[1, 0]]) + depth * np.abs(away[:2]) + tuned.margin
             if np.any(point[:2] - needed < place.low) or np.any(point[:2] + needed > place.high):
                 continue
-            if far < NEAREST * pose.height:
+            if far < tuned.nearest * pose.height:
                 continue
             # The floor begins in front of the camera's feet; what differs from it on the way is a thing that stands there.
             near = seen(pose.height * np.linspace(0.3, 0.5, 5)[:, None, None] * away + 0.15 * circle).reshape(-1, 3)
@@ -88,7 +86,7 @@ def find_floor_spot(
             floor = np.median(near, axis=0)
             differs = [np.abs(part.reshape(-1, 3) - floor).sum(axis=-1) for part in (patch, way)]
             unlike = float(sum(np.mean(np.minimum(part, 1.5)) for part in differs))
-            cost = unlike - FORWARD * float(away @ forward) + FAR * abs(np.log2(far / distance))
+            cost = unlike - tuned.forward * float(away @ forward) + tuned.far * abs(np.log2(far / distance))
             if best is None or cost < best[0]:
                 best = cost, FloorSpot(point, away, unlike)
     if best is not None:
