@@ -203,8 +203,7 @@ def missing_light() -> Iterator[str]:
             "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
             "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
             "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
-            "equal work. The table after it compares a declared sun with the same sun in the photograph, which is the same "
-            "light: *at equal error* is time times variance, without the noisiest hundredth of the pixels.\n"
+            "equal work.\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"

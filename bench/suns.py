@@ -16,7 +16,6 @@ from bench.methods.own import scene_of
 from bench.places import PLACES
 from bench.places.sun import Sun
 from bench.run import FULL, SEEDS, Effort, take_shot
-from bench.sun_in_map import sun_in_map
 from bench.truth import Estimate
 from lightdepth.kernel.start import start
 from lightdepth.lighting.sun import recover_sun
@@ -27,7 +26,6 @@ REGIONS = ("objects", "changed", "influenced")
 EFFORT = replace(FULL, places=ROOMS, photograph=(512, 256), cameras={"view": 128}, truth_samples={"view": 2048})
 """What is spent: with less than for the methods, signed errors of a hundredth of what is asked for are still seen."""
 COST_SAMPLES = 32
-SAME_SUN_REPEATS = 10
 REPEATS = 6
 """Of the renderings whose time and noise are compared, in turn with and without the sun."""
 
@@ -72,7 +70,6 @@ def suns(effort: Effort, console: Console) -> list[dict[str, Any]]:
             "head": ["room", "processor time", *(f"noise of a pixel, {region}: without, with" for region in REGIONS)],
             "rows": [_cost(room, console) for room in rooms],
         },
-        sun_in_map(COST_SAMPLES, SAME_SUN_REPEATS, console),
     ]
 
 
