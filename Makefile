@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/installed
 
-.PHONY: install demo demo-shot test test-first test-second lint fuzz test-machines bench bench-peers extension extension-repository blender-setup blender53-setup lock clean
+.PHONY: install demo demo-shot test lint fuzz test-machines bench bench-peers extension extension-repository blender-setup blender53-setup lock clean
 
 install: $(STAMP)
 
@@ -30,17 +30,9 @@ lint: install
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-# In two processes side by side, since each computes with one thread: half of the tests are in these folders.
-FIRST := blender calibration capture cli sequence serve
-
+# In two processes, each of which computes with one thread; the tests of a file stay together.
 test: lint
-	$(MAKE) --no-print-directory --jobs=2 --output-sync=target test-first test-second
-
-test-first: install
-	$(BIN)/python -m pytest $(FIRST:%=tests/%)
-
-test-second: install
-	$(BIN)/python -m pytest $(FIRST:%=--ignore=tests/%)
+	$(BIN)/python -m pytest --numprocesses 2 --dist loadfile
 
 # Ten thousand damaged files of every format; the suite tries a few hundred.
 fuzz: install
