@@ -75,8 +75,8 @@ class Accumulator:
             (self._squares, sums.squares),
         ):
             for channel in range(3):
-                _add(total, color[channel], 3 * index + channel)
-        _add(self._covered, sums.covered, index)
+                add_to(total, color[channel], 3 * index + channel)
+        add_to(self._covered, sums.covered, index)
         dr.eval(self._change, self._synthetic, self._squares, self._covered)
         self.taken[slots] += counts.astype(np.uint32)
 
@@ -233,6 +233,6 @@ def _relative(means: Estimates, brightness: NDArray[np.float32]) -> NDArray[np.f
     return np.asarray(np.sqrt(channel_means(means.variance)) / brightness)
 
 
-def _add(total: mi.Float, value: mi.Float, index: mi.UInt32) -> None:
+def add_to(total: mi.Float, value: mi.Float, index: mi.UInt32) -> None:
     """Add values to elements of ``total`` that differ."""
     dr.scatter_add(total, value, index, mode=dr.ReduceMode.NoConflicts)

@@ -9,6 +9,7 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from lightdepth.film.accumulation import add_to
 from lightdepth.kernel.arrays import aligned
 from lightdepth.transport.integrator import CameraSums
 
@@ -62,7 +63,7 @@ class Lanes:
             lane = dr.opaque(mi.UInt32, int(begin)) + dr.arange(mi.UInt32, int(end - begin))
             pixel = mi.UInt32(aligned(self.pixel[begin:end], np.uint32))
             for value, into in zip(_parts(sums), _parts(total), strict=True):
-                _add(into, dr.gather(mi.Float, value, lane), pixel)
+                add_to(into, dr.gather(mi.Float, value, lane), pixel)
             dr.eval(total)
         return total
 
@@ -70,7 +71,3 @@ class Lanes:
 def _parts(sums: CameraSums) -> list[mi.Float]:
     colors = [sums.change, sums.synthetic, sums.squares]
     return [*(color[channel] for color in colors for channel in range(3)), sums.covered]
-
-
-def _add(total: mi.Float, value: mi.Float, index: mi.UInt32) -> None:
-    dr.scatter_add(total, value, index, mode=dr.ReduceMode.NoConflicts)

@@ -24,6 +24,7 @@ from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.device import ON_GPU
 from lightdepth.kernel.instance_tree import END, instance_tree
 from lightdepth.kernel.loading import load
+from lightdepth.kernel.materials import registered
 
 MARGIN = 1e-4
 """By which boxes around instances are larger than these, relative to their size and to their distance from the origin."""
@@ -262,7 +263,7 @@ def side_by_side(scenes: Sequence[mi.Scene], copies: Callable[[mi.Shape, NDArray
         for shape in scene.shapes():
             moved = copies(shape, offset) if offset.any() else shape
             shapes.append(moved)
-            originals[_registered(moved)] = _registered(shape)
+            originals[registered(mi.ShapePtr(moved))] = registered(mi.ShapePtr(shape))
     table = np.zeros(max(originals, default=0) + 1, np.uint32)
     table[list(originals)] = list(originals.values())
     whole = load({"type": "scene", **{f"shape_{index}": shape for index, shape in enumerate(shapes)}})
@@ -275,10 +276,6 @@ def side_by_side(scenes: Sequence[mi.Scene], copies: Callable[[mi.Shape, NDArray
         dr.make_opaque(begin, end, moved_by)
         cells.append(Cell(scene, whole, moved_by, begin, end, mi.UInt32(aligned(table, np.uint32))))
     return cells
-
-
-def _registered(shape: mi.Shape) -> int:
-    return int(dr.reinterpret_array(mi.UInt32, mi.ShapePtr(shape))[0])
 
 
 Traced = mi.Scene | WithInstances | Cell
