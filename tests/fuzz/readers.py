@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from lightdepth.capture.exposure import read_exposures
-from lightdepth.capture.photograph import foreign_profile, read_photograph, shared_white_balance
+from lightdepth.capture.photograph import camera_colours, read_photograph, shared_white_balance, unlike_srgb
 from lightdepth.capture.response import load_response
 from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError
@@ -42,7 +42,8 @@ def _scene(path):
 
 def _photograph(path):
     """Everything that `capture` asks of one photograph."""
-    foreign_profile(path)
+    unlike_srgb([path])
+    camera_colours(path)
     shared_white_balance([path])
     read_photograph(path)
     read_exposures([path])
