@@ -10,7 +10,7 @@ from PIL import Image, ImageCms
 from lightdepth.capture.exposure import Exposure, read_exposures
 from lightdepth.capture.merging import merge, shared_response
 from lightdepth.capture.photograph import camera_colours, read_photograph, shared_white_balance, unlike_srgb
-from lightdepth.capture.response import linear_response
+from lightdepth.capture.response import linear_response, srgb_response
 from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.exr import ExrPart, write_exr
@@ -113,7 +113,10 @@ def test_photographs_of_different_views_and_brightness_are_named(tmp_path):
         merge(written(tmp_path, (1, 4), (views[0], 4 * views[1])), linear_response())
     with pytest.warns(InputWarning, match=r"0.dng and 1.dng: their brightness differs by 3.0 stops.*--exposures"):
         merge(written(tmp_path, (1, 4), (views[0], views[0] / 2)), linear_response())
-    merge(written(tmp_path, (1, 4), (views[0], 4 * views[0])), linear_response())
+    pairs = written(tmp_path, (1, 4), (views[0], 4 * views[0]))
+    merge(pairs, linear_response())
+    with pytest.raises(InputError, match=r"0.dng: is RAW, whose readings are linear.*--response"):
+        merge(pairs, srgb_response())
 
 
 @pytest.mark.parametrize("black", [(0, 0, 0), (512, 512, 512), (512, 256, 1024), (100, 256, 1024)])
