@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError, warn
+from lightdepth.images.adobe_rgb import is_adobe_rgb
 from lightdepth.images.orientation import upright
 from lightdepth.images.pixels import read_pixels
 from lightdepth.packages import optional_package
@@ -35,7 +36,6 @@ OTHER_PICTURES = (
 """Extensions of pictures that are not read as photographs."""
 
 _SAME_BALANCE = 0.01
-_INTEROPERABILITY = 0xA005
 _XYZ_OF_REC709 = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
@@ -162,10 +162,9 @@ def _stated_colours(path: Path) -> str | None:
             warnings.simplefilter("ignore")  # Of damaged EXIF data, which are read elsewhere.
             with Image.open(path) as image:
                 profile = image.info.get("icc_profile")
-                index = image.getexif().get_ifd(_INTEROPERABILITY).get(1)
+                marked = is_adobe_rgb(image)
         if not profile:
-            # Cameras that are set to Adobe RGB say so by this mark alone.
-            return "its EXIF data say that its colours are those of Adobe RGB" if index == "R03" else None
+            return "its EXIF data say that its colours are those of Adobe RGB" if marked else None
         name = ImageCms.getProfileDescription(ImageCms.ImageCmsProfile(io.BytesIO(profile))).strip()
     except Exception:  # Of damaged data anything is raised; what cannot be read is reported where the pixels are.
         return None
