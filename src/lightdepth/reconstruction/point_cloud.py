@@ -19,8 +19,8 @@ from lightdepth.scene.meshes.ply_file import read_ply_file
 
 FloatArray = NDArray[np.float64]
 LAS_HEADER_SIZE_AT, LAS_RECORD_COUNT_END, LAS_RECORD_HEADER, LAS_COMPRESSED = 94, 104, 54, 0x80
-"""Bytes of a LAS file: where its header's own size stands, where the number of records ends and the kind of its points is, and
-a record's own header; the bit of that kind by which points are compressed."""
+"""Bytes of a LAS file: where its header's own size stands, where the number of records ends and the kind of its points is,
+and a record's own header; the bit of that kind by which points are compressed."""
 
 LAS_WKT, LAS_GEO_KEYS, LAS_UNIT_KEY, LAS_UNITS = 2112, 34735, 3076, {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
 """Records of a LAS file that hold its coordinate system, as text or as keys; the key of lengths, and its values."""
