@@ -92,22 +92,17 @@ def _meshes():
 
 
 def _usd():
+    """As text only: of binary files, USD's own library takes as much memory as a damaged array claims to need."""
     try:
-        from pxr import Usd, UsdGeom
+        import pxr  # noqa: F401
     except ImportError:
         return
-
-    def write(path):
-        stage = Usd.Stage.CreateNew(str(path))
-        mesh = UsdGeom.Mesh.Define(stage, "/a")
-        mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
-        mesh.CreateFaceVertexCountsAttr([4])
-        mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 3])
-        UsdGeom.XformCommonAPI(mesh).SetTranslate((1, 2, 3))
-        stage.Save()
-
-    yield Seed("mesh.usda", "mesh", "mutant.usda", _written("a.usda", write))
-    yield Seed("mesh.usdc", "mesh", "mutant.usdc", _written("a.usdc", write))
+    text = (
+        '#usda 1.0\n(\n    upAxis = "Z"\n    metersPerUnit = 0.01\n)\ndef Mesh "a"\n{\n    int[] faceVertexCounts = [4]\n'
+        "    int[] faceVertexIndices = [0, 1, 2, 3]\n    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]\n"
+        '    double3 xformOp:translate = (1, 2, 3)\n    uniform token[] xformOpOrder = ["xformOp:translate"]\n}\n'
+    )
+    yield Seed("mesh.usda", "mesh", "mutant.usda", text.encode())
 
 
 def _with_ktx2():
