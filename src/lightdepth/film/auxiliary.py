@@ -85,7 +85,9 @@ def render_auxiliary(
         depth[band.rows] = distance.numpy().reshape(band.shape)
         mean_normal, mean_albedo = dr.zeros(mi.Vector3f, dr.width(band.row)), dr.zeros(mi.Color3f, dr.width(band.row))
         differs = dr.zeros(mi.UInt32, dr.width(band.row))
-        dr.make_opaque(mean_normal, mean_albedo, differs)  # Literal zeros would need a kernel of their own.
+        # Literal zeros would need a kernel of their own, and so would pixels that the first of the points computes.
+        dr.eval(band.row, band.column)
+        dr.make_opaque(mean_normal, mean_albedo, differs)
         for i in range(subpixels):
             for j in range(subpixels):
                 # Point by point, so that one small kernel serves all of them.
@@ -126,12 +128,13 @@ def _coverage(
     points = sobol_points(edge_samples, 4) + 0.5 / edge_samples
     stratified = [mi.Float(aligned(part)) for part in points.T]
     edges = np.flatnonzero(edge).astype(np.uint32)
+    width, each = dr.opaque(mi.UInt32, view.resolution[0]), dr.opaque(mi.UInt32, edge_samples)
     for first in range(0, len(edges), EDGES_AT_ONCE):
         some = edges[first : first + EDGES_AT_ONCE]
         lane = dr.arange(mi.UInt32, len(some) * edge_samples)
-        pixel = dr.gather(mi.UInt32, mi.UInt32(aligned(some, np.uint32)), lane // edge_samples)
-        x, y, *lens = (dr.gather(mi.Float, part, lane % edge_samples) for part in stratified)
-        column, row = mi.Float(pixel % view.resolution[0]), mi.Float(pixel // view.resolution[0])
+        pixel = dr.gather(mi.UInt32, mi.UInt32(aligned(some, np.uint32)), lane // each)
+        x, y, *lens = (dr.gather(mi.Float, part, lane % each) for part in stratified)
+        column, row = mi.Float(pixel % width), mi.Float(pixel // width)
         rays = view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(*lens))
         found = first_hit(prepared.surfaces.shown, rays.ray, coherent=True, active=rays.inside)
         seen = _shapes(prepared, found, rays.inside).numpy().reshape(len(some), edge_samples)
