@@ -1,5 +1,7 @@
 """Closed surfaces from point clouds of a room that is known exactly."""
 
+import struct
+
 import laspy
 import numpy as np
 import pye57
@@ -96,6 +98,19 @@ def test_every_format_is_read(name, tmp_path, scan):
     np.testing.assert_allclose(cloud.points, scan[:500], atol=2e-4)
     if name.endswith("e57"):  # It tells where the scanner stood.
         np.testing.assert_allclose(cloud.toward_air, CAPTURE - scan[:500], atol=2e-4)
+
+
+def test_a_table_of_too_many_chunks_is_refused(tmp_path, scan):
+    """The library would take memory for all of them and end the process."""
+    path = tmp_path / "cloud.laz"
+    write_las(path, scan[:500])
+    content = bytearray(path.read_bytes())
+    (points_at,) = struct.unpack_from("<I", content, 96)
+    (table,) = struct.unpack_from("<q", content, points_at)
+    struct.pack_into("<I", content, table + 4, 2**32 - 2)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="its table claims 4294967294 chunks"):
+        read_points(path)
 
 
 def test_noise_and_units_of_las_files_are_heeded(tmp_path, scan):

@@ -156,7 +156,7 @@ def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str |
                 if path.suffix.lower() in HEIF:
                     _check_heif_colours(image, path)
                 gains = _gains(path, image, xmp)
-    except (OSError, SyntaxError, ValueError, TypeError, struct.error, Image.DecompressionBombError) as error:
+    except (OSError, EOFError, SyntaxError, ValueError, TypeError, struct.error, Image.DecompressionBombError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "damaged, or of another format"
         raise InputError(f"{path}: not a readable picture ({reason})") from error
     if pixels is None:

@@ -76,7 +76,8 @@ def read_rgbe(path: Path) -> NDArray[np.float32]:
         else:
             pixels = _flat_or_old(first + file.read(), shape, path)
     if (header.factors != 1.0).any():
-        pixels /= header.factors
+        with np.errstate(over="ignore"):  # What overflows is reported where radiance is checked.
+            pixels /= header.factors
     pixels = converted(pixels, header.matrix)
     if header.columns:
         pixels = pixels.swapaxes(0, 1)
@@ -116,7 +117,8 @@ def read_header(path: Path) -> RgbeHeader:
         for text in re.findall(rf"^{name}=(.*)", header, re.MULTILINE):
             factors = factors * _factors(text, name, count, path)
     _name_what_is_not_applied(header, path)
-    if not (factors > 0.0).all() or not np.isfinite(factors.astype(np.float32)).all():
+    least, greatest = np.finfo(np.float32).tiny, np.finfo(np.float32).max
+    if not ((factors >= least) & (factors <= greatest)).all():
         raise InputError(f"{path}: EXPOSURE and COLORCORR in its header multiply to {factors.tolist()}")
     return RgbeHeader(
         scanlines=int(axes[3]),

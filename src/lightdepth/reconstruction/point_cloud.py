@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,9 @@ from lightdepth.reconstruction.point_text import read_text_cloud
 from lightdepth.scene.meshes.ply_file import read_ply_file
 
 FloatArray = NDArray[np.float64]
-LAS_HEADER_SIZE_AT, LAS_RECORD_COUNT_END, LAS_RECORD_HEADER = 94, 104, 54
-"""Bytes of a LAS file: where its header's own size stands, where the number of records ends, and a record's own header."""
+LAS_HEADER_SIZE_AT, LAS_RECORD_COUNT_END, LAS_RECORD_HEADER, LAS_COMPRESSED = 94, 104, 54, 0x80
+"""Bytes of a LAS file: where its header's own size stands, where the number of records ends and the kind of its points is,
+and a record's own header; the bit of that kind by which points are compressed."""
 
 LAS_WKT, LAS_GEO_KEYS, LAS_UNIT_KEY, LAS_UNITS = 2112, 34735, 3076, {9001: 1.0, 9002: 0.3048, 9003: 1200.0 / 3937.0}
 """Records of a LAS file that hold its coordinate system, as text or as keys; the key of lengths, and its values."""
@@ -151,16 +152,40 @@ def _las_unit(records: Any, path: Path) -> float | None:
 
 
 def _check_las_header(path: Path) -> None:
-    """Refuse a header whose records do not fit before the points: laspy would go through all that it claims."""
+    """Refuse a header whose claims do not fit its file.
+
+    laspy would go through all records that it claims, and lazrs would take memory for all chunks and end the process.
+    """
     with path.open("rb") as file:
-        head = file.read(LAS_RECORD_COUNT_END)
-    if len(head) < LAS_RECORD_COUNT_END:
-        raise InputError(f"{path}: not a readable {path.suffix} file of points: it is cut off in its header")
-    size, points_at, records = struct.unpack_from("<HII", head, LAS_HEADER_SIZE_AT)
-    if size + LAS_RECORD_HEADER * records > points_at or points_at > path.stat().st_size:
+        head = file.read(LAS_RECORD_COUNT_END + 1)
+        if len(head) <= LAS_RECORD_COUNT_END:
+            raise InputError(f"{path}: not a readable {path.suffix} file of points: it is cut off in its header")
+        whole = path.stat().st_size
+        size, points_at, records = struct.unpack_from("<HII", head, LAS_HEADER_SIZE_AT)
+        if size + LAS_RECORD_HEADER * records > points_at or points_at > whole:
+            raise InputError(
+                f"{path}: not a readable {path.suffix} file of points: its header claims {records} records before byte "
+                f"{points_at} of {whole}"
+            )
+        if head[LAS_RECORD_COUNT_END] & LAS_COMPRESSED:
+            _check_chunks(file, points_at, whole, path)
+
+
+def _check_chunks(file: BinaryIO, points_at: int, whole: int, path: Path) -> None:
+    """Refuse a table of more chunks than the file has bytes; where it is stands before the points, or at the end."""
+    file.seek(points_at)
+    at = file.read(8)
+    if at == b"\xff" * 8:
+        file.seek(whole - 8)
+        at = file.read(8)
+    place = int.from_bytes(at, "little")
+    file.seek(min(place, whole))
+    table = file.read(8)
+    chunks = int.from_bytes(table[4:], "little")
+    if len(table) < 8 or chunks > whole:
         raise InputError(
-            f"{path}: not a readable {path.suffix} file of points: its header claims {records} records before byte "
-            f"{points_at} of {path.stat().st_size}"
+            f"{path}: not a readable {path.suffix} file of points: its table claims {chunks} chunks at byte {place} of "
+            f"{whole}"
         )
 
 
