@@ -29,7 +29,7 @@ def gloss_problems(scene: Scene) -> list[Problem]:
 
     def place() -> Place:
         traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
-        gains = solve_gains(scene.panoramas, traced).gains
+        gains = solve_gains(scene.panoramas, traced, scene.render.parameters.balance).gains
         tuned = scene.render.parameters.place
         return Place(scene.panoramas, traced, suns=masked_suns(scene), gains=gains, parameters=tuned)
 

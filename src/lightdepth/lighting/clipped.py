@@ -237,7 +237,7 @@ def solve_gains(
         weight = 1.0 / (tuned.clipped_place_error * np.maximum(light[:, channel], 1e-30))
         matrix, wanted = given[..., channel] * weight[:, None], missing[:, channel] * weight
         whole = matrix.sum(axis=1)
-        common = max(float(whole @ wanted / max(whole @ whole, 1e-30)), 1e-6)
+        common = max(float(whole @ wanted / max(float(whole @ whole), 1e-30)), 1e-6)
         pull = np.eye(count) / (tuned.clipped_gain_spread * common)
         factors[:, channel], _ = nnls(np.vstack([matrix, pull]), np.concatenate([wanted, common * pull.sum(axis=0)]))
         errors[:, channel] = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix + pull @ pull)))

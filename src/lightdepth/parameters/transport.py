@@ -31,6 +31,8 @@ class TransportParameters:
         expanded_triangles: meshes that stand at many places become one mesh of at most this many triangles; beyond, each
             stands once in memory, and rays take longer to find it.
         roulette_depth: scatterings before Russian roulette by throughput begins.
+        aimed_density: times the density of even directions over a hemisphere, from which on a direction was aimed at
+            something small.
         largest_survival: probability with which a path goes on at most, so that none is endless.
         roulette_gain: between support surfaces, a path survives Russian roulette in proportion to the share of the
             hemisphere that objects fill: the factor on that share.
@@ -66,6 +68,7 @@ class TransportParameters:
     most_spheres: Count = 6
     expanded_triangles: Count = 500_000
     roulette_depth: Depth = 3
+    aimed_density: Positive = 256.0
     largest_survival: Probability = 0.99
     roulette_gain: NotNegative = 6.0
     smallest_reach: Probability = 0.75
