@@ -11,7 +11,7 @@ from lightdepth.scene.lights.frame import azimuth_and_elevation
 from lightdepth.scene.model import Scene, SunLight
 
 STEP = 4
-"""Of the capture view's directions, every so many one is looked at."""
+"""Every ``STEP``-th direction of the capture view is looked at."""
 OFFSET = 1e-3
 """Share of the way to the capture point by which points are lifted off their surface."""
 
@@ -32,7 +32,7 @@ def _sun_problems(sun: SunLight, scene: Scene, view: CaptureView, caster: RayCas
             Problem(
                 Severity.ERROR,
                 f"{name}: the capture point sees this sun, so that the photograph shows it and it would be counted twice; "
-                "remove the [[light]], or mend its direction or the place's openings",
+                "remove the [[light]], or correct its direction or the place's openings",
             )
         ]
     distance = view.distance[::STEP, ::STEP].reshape(-1)
