@@ -201,10 +201,9 @@ def missing_light() -> Iterator[str]:
         yield "## Light that the photograph lacks\n"
         yield (
             "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
-            "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
-            "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
-            "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
-            "equal work.\n"
+            "(recovery.md). ± is the standard error, from the truth's noise and the images' own. What a declared sun costs "
+            "is measured against the same sun in the photograph: the room without the sun has neither its light nor the "
+            "hard edges of its shadows. *At equal error* is time times variance.\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"

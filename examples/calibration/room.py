@@ -72,9 +72,9 @@ def photo_pixels(points: FloatArray) -> FloatArray:
     return film * PHOTO.resolution
 
 
-def photo() -> np.ndarray:
-    """The ordinary photograph, two samples across each pixel, for the screen, uint8."""
-    width, height = PHOTO.resolution
+def photo(width: int = PHOTO.width) -> np.ndarray:
+    """The ordinary photograph, some pixels wide, two samples across each pixel, for the screen, uint8."""
+    height = width * PHOTO.height // PHOTO.width
     x, y = (np.arange(2 * width) + 0.5) / (2 * width), (np.arange(2 * height) + 0.5) / (2 * height)
     film = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
     colour = _seen(PHOTO.directions_of(film) @ PHOTO_ROTATION.T, PHOTO_POSITION)

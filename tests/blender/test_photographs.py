@@ -22,8 +22,7 @@ def folder(room, tmp_path_factory):
     places = np.array(SECOND["position"]), np.array(SECOND["rotation"])
     write_radiance(folder / "first.exr", room.radiance(WIDTH))
     write_radiance(folder / "second.exr", room.radiance(WIDTH, *places))
-    small = np.asarray(Image.fromarray(room.photo()).resize(PLATE_SIZE, Image.Resampling.BOX))
-    write_radiance(folder / "plate.exr", (small / np.float32(255)).astype(np.float32))
+    write_radiance(folder / "plate.exr", room.photo(PLATE_SIZE[0]) / np.float32(255))
     Image.new("L", (WIDTH, WIDTH // 2), 255).save(folder / "mask.png")
     start, end, top = room.DOOR
     left, right, sill, head = room.WINDOW

@@ -21,6 +21,8 @@ from tests.transport.places import ball
 
 start("cpu")
 
+import drjit as dr  # noqa: E402 - where LLVM is was settled by start()
+
 from lightdepth.preparation.place import prepare_place  # noqa: E402
 from lightdepth.recovery.plate_gain import solve_plate_gain  # noqa: E402
 
@@ -66,12 +68,17 @@ def frame(scene: Scene) -> Frame:
 
 
 def test_gain_is_solved_from_what_both_see(scene: Scene) -> None:
-    balance = solve_plate_gain(scene.plate.radiance, VIEW, prepare_place(scene).place)
+    place = prepare_place(scene).place
+    with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
+        balance = solve_plate_gain(scene.plate.radiance, VIEW, place)
+        programs = {kernel["hash"] for kernel in dr.kernel_history() if kernel.get("operation_count", 0) > 100}
+        dr.kernel_history_clear()
     assert balance.problem is None
     np.testing.assert_allclose(balance.gain, GAIN, rtol=0.005)
     assert balance.deviation < 0.02
     assert balance.modelled == 1.0
     assert 0.7 < balance.seen < 1.0  # The pillar hides some of the room from the panorama.
+    assert len(programs) == 1  # A second takes long to compile: one for all points of a block.
 
 
 def test_untouched_pixels_are_those_of_the_plate(scene: Scene, frame: Frame, tmp_path) -> None:

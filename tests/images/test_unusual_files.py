@@ -70,6 +70,25 @@ def test_transparent_pixels_are_named_where_nothing_is_behind(tmp_path):
         read_radiance(tmp_path / "empty.exr")
 
 
+def test_pixels_that_are_not_square_or_opaque_are_named(tmp_path):
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(1.0), "", {"pixelAspectRatio": 2.0})])
+    with pytest.warns(InputWarning, match="states pixels 2 times as wide as high"):
+        read_radiance(tmp_path / "x.exr")
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(1.0) | {"A": np.full(SIZE, 0.5, np.float32)})])
+    with pytest.warns(InputWarning, match="100 % of its pixels are partly transparent"):
+        read_radiance(tmp_path / "x.exr")
+
+
+def test_the_y_of_a_vector_is_no_luminance(tmp_path):
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(1.0, "XYZ"))])
+    with pytest.raises(InputError, match="has channels X, Y, Z; R, G and B, or Y, are needed"):
+        read_radiance(tmp_path / "x.exr")
+    write_exr(
+        tmp_path / "x.exr", [ExrPart({f"P.{axis}": np.ones(SIZE, np.float32) for axis in "XYZ"} | grey(3.0, "Y"))]
+    )
+    assert (read_radiance(tmp_path / "x.exr") == 3.0).all()
+
+
 def test_overscan_is_cut_to_the_display_window(reference):
     np.testing.assert_array_equal(read_radiance(FAULTS / "14-window/overscan_2to1.exr"), reference)
 
@@ -259,10 +278,26 @@ def test_old_run_lengths_of_several_digits(tmp_path):
     np.testing.assert_array_equal(radiance[300], np.array([50, 60, 200]) / 128)
 
 
-def test_gamma_is_named(tmp_path):
-    radiance_file(tmp_path / "x.hdr", b"GAMMA=2.2\n", mantissas())
-    with pytest.warns(InputWarning, match="GAMMA=2.2 in its header is not applied"):
-        read_radiance(tmp_path / "x.hdr")
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("GAMMA=2.2", "GAMMA=2.2 in its header is not applied"),
+        ("PIXASPECT=2.0", "PIXASPECT=2.0 in its header is not applied: its pixels are taken to be square"),
+        ("VIEW= -vtv -vh 45 -vv 45", "'VIEW=-vtv -vh 45 -vv 45' in its header is not applied"),
+        ("COLORSPACE=ACEScg", "'COLORSPACE=ACEScg' in its header is not applied"),
+        ("EXPOSURE = 2", "'EXPOSURE =2' in its header is not applied"),
+        (" EXPOSURE=2", "'EXPOSURE=2' is indented in its header"),
+        ("FORMAT=32-bit_rle_xyze", "states several formats; the first counts"),
+    ],
+)
+def test_lines_of_the_header_that_are_not_applied_are_named(tmp_path, line, message):
+    radiance_file(
+        tmp_path / "plain.hdr", b"SOFTWARE=PTGui\nPIXASPECT=1.0\nEXPOSURE=1\n\tEXPOSURE=7\nrpict -vta\n", mantissas()
+    )
+    plain = read_radiance(tmp_path / "plain.hdr")
+    radiance_file(tmp_path / "x.hdr", b"FORMAT=32-bit_rle_rgbe\n" + line.encode() + b"\n", mantissas())
+    with pytest.warns(InputWarning, match=message):
+        np.testing.assert_array_equal(read_radiance(tmp_path / "x.hdr"), plain)
 
 
 def test_a_header_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path):

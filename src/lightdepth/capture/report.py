@@ -36,9 +36,9 @@ def merge_report(merged: Merged, photographs: list[str], amounts: list[float], r
         if merged.circle is None
         else {"x": merged.circle.x, "y": merged.circle.y, "radius": merged.circle.radius},
         "clipped_in_every_exposure": int(merged.clipped.sum()),
-        "clipped_share": float(merged.clipped.sum() / max(merged.seen.sum(), 1)),
+        "clipped_share": float(merged.clipped.sum() / max(int(merged.seen.sum()), 1)),
         "black_in_every_exposure": int(merged.black.sum()),
-        "black_share": float(merged.black.sum() / max(merged.seen.sum(), 1)),
+        "black_share": float(merged.black.sum() / max(int(merged.seen.sum()), 1)),
         "ghost_share": merged.ghosts,
         "orders_of_magnitude": float(np.log10(high / low)),
     }

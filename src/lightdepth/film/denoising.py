@@ -248,10 +248,10 @@ def _denoised_change(
     most = np.abs(relative).sum(dtype=np.float64)
     # Fireflies stand out of what is left of the photograph's light: in a shadow of little, be the change negative there.
     left = np.maximum(relative + np.float32(1.0), np.float32(0.0))
-    settled = settle(left, error.mean(axis=2), uncovered[:, :, 0], min(scale, 1.0), tuned)
+    settled = settle(left, error.mean(axis=2, dtype=np.float32), uncovered[:, :, 0], min(scale, 1.0), tuned)
     relative = relative + (settled.plain - left)
     added, taken = (
-        network(part, scale, part.sum(dtype=np.float64) < tuned.minor * most)
+        network(part, scale, bool(part.sum(dtype=np.float64) < tuned.minor * most))
         for part in (np.maximum(relative, np.float32(0.0)), np.maximum(-relative, np.float32(0.0)))
     )
     clean = _consistent(added - taken, relative, error, tuned) + settled.glints

@@ -13,6 +13,9 @@ from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.images.rgbe import read_rgbe, write_rgbe
 
+OPAQUE = 0.98
+"""Alpha from which on a pixel hides what is behind it."""
+
 
 def _from_exr(path: Path) -> NDArray[np.float32]:
     picture = read_beauty(path)
@@ -20,6 +23,11 @@ def _from_exr(path: Path) -> NDArray[np.float32]:
         unknown = (picture.alpha <= 0.0) & (picture.radiance == 0.0).all(axis=2)
         if unknown.any():
             warn(f"{path}: {100.0 * unknown.mean():.3g} % of its pixels are transparent; they are black here")
+        partly = (picture.alpha > 0.0) & (picture.alpha < OPAQUE)
+        if partly.any():
+            warn(
+                f"{path}: {100.0 * partly.mean():.3g} % of its pixels are partly transparent; nothing is put behind them"
+            )
     return picture.radiance
 
 

@@ -78,6 +78,8 @@ class LightingParameters:
         clipped_lit: share of the strongest irradiance from the source from which on a point contributes to them.
         clipped_rounds: in which several sources are recovered, each with what the last round found of the others.
         clipped_place_error: relative error of the light at a place of known albedo.
+        clipped_contradiction: times the light that one click gives a source, or an albedo, from which on another one
+            contradicts it.
         clipped_gain_spread: how much the gains of lamps of one room may differ, relative to their common one, where places
             do not distinguish them.
         clipped_largest_error: relative standard error of a gain from falloff beyond which the photograph does not
@@ -167,6 +169,7 @@ class LightingParameters:
     clipped_lit: Share = 0.3
     clipped_rounds: Count = 3
     clipped_place_error: Positive = 0.05
+    clipped_contradiction: Annotated[Positive, Field(gt=1.0)] = 3.0
     clipped_gain_spread: Positive = 1.0
     clipped_largest_error: Positive = 0.3
     not_clipped: Share = 0.1

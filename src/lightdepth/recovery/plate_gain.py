@@ -110,15 +110,16 @@ def _panoramas(view: Viewpoint, place: Place, size: int, tuned: BalanceParameter
     """Mean of what the panoramas show in each block of ``size`` pixels along each side, shape (rows, columns, 3)."""
     width, height = view.resolution
     columns, rows = width // size, height // size
-    column, row = (mi.Float(aligned(grid)) for grid in np.meshgrid(np.arange(columns), np.arange(rows)))
+    column, row = (grid.astype(np.float32) for grid in np.meshgrid(np.arange(columns), np.arange(rows)))
     total = np.zeros((rows * columns, 3))
     comparable = np.ones(rows * columns, bool)
     normal: NDArray | None = None
     modelled = seen = 0.0
     points = tuned.plate_points
     for i, j in np.ndindex(points, points):
+        # As data: numbers in the program would compile the same large kernel for each of the points.
         x, y = (column + (i + 0.5) / points) * (size / width), (row + (j + 0.5) / points) * (size / height)
-        rays = view.rays(mi.Point2f(x, y), mi.Point2f(0.5))
+        rays = view.rays(mi.Point2f(mi.Float(aligned(x)), mi.Float(aligned(y))), mi.Point2f(0.5))
         hit = place.surfaces.first_real(rays.ray, rays.inside)
         shared = mi.Bool(False)
         for share in place.photograph.shares(hit, rays.ray):
