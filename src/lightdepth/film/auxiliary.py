@@ -14,6 +14,7 @@ from lightdepth.cameras import Viewpoint
 from lightdepth.cameras.viewpoint import CameraRays
 from lightdepth.film.cryptomatte import Mattes
 from lightdepth.kernel.arrays import aligned
+from lightdepth.kernel.materials import registered
 from lightdepth.kernel.row_bands import Band, bands
 from lightdepth.kernel.sobol import sobol_points
 from lightdepth.kernel.tracing import first_hit, interaction
@@ -58,12 +59,12 @@ def render_auxiliary(
         prepared: the scene.
         names: of the object and of the material of each shape.
         coverage: share of each pixel that objects cover, as far as is known, shape (height, width): where it lies
-            between 0 and 1 there is an edge, be it of an object that lies between all pixel centres.
+            between 0 and 1 there is an edge, even if it is of an object that lies between all pixel centres.
         parameters: points in each pixel.
         picture: what the pixels show of the real surfaces, shape (height, width, 3); ``None`` takes the photograph.
     """
     width, height = view.resolution
-    subpixels = parameters.layer_subpixels
+    subpixels, numbers = parameters.layer_subpixels, _ShapeNumbers(prepared)
     shape = np.empty((height, width), np.uint16)
     edge = np.zeros((height, width), bool) if coverage is None else (coverage > 0.0) & (coverage < 1.0)
     depth = np.empty((height, width), np.float32)
@@ -77,7 +78,7 @@ def render_auxiliary(
 
         seen = rays(mi.Point2f(0.5))
         found = first_hit(prepared.surfaces.shown, seen.ray, coherent=True, active=seen.inside)
-        middle = _shapes(prepared, found, seen.inside)
+        middle = numbers.of(found, seen.inside)
         distance = dr.select(seen.inside & found.is_valid(), found.t, dr.inf)
         dr.eval(middle, distance)  # At once: one by one would trace all rays again.
         shown = None if picture is None else mi.Color3f(as_vectors(picture[band.rows].reshape(-1, 3)))
@@ -93,7 +94,7 @@ def render_auxiliary(
                 # Point by point, so that one small kernel serves all of them.
                 offset = mi.Point2f((i + 0.5) / subpixels, (j + 0.5) / subpixels)
                 dr.make_opaque(offset)
-                one_normal, one_albedo, one_shape = _surface(prepared, rays(offset), shown)
+                one_normal, one_albedo, one_shape = _surface(prepared, numbers, rays(offset), shown)
                 differs |= one_shape ^ middle
                 mean_normal += one_normal
                 mean_albedo += one_albedo
@@ -105,18 +106,24 @@ def render_auxiliary(
     square = np.ones((3, 3), np.uint8)
     edge |= cv2.dilate(shape, square) != cv2.erode(shape, square)
     return Auxiliary(
-        Mattes(*_coverage(view, prepared, shape, edge, parameters.edge_samples), *names), depth, normal, albedo
+        Mattes(*_coverage(view, prepared, numbers, shape, edge, parameters.edge_samples), *names), depth, normal, albedo
     )
 
 
 def _coverage(
-    view: Viewpoint, prepared: Prepared, shape: NDArray[np.uint16], edge: NDArray[np.bool_], edge_samples: int
+    view: Viewpoint,
+    prepared: Prepared,
+    numbers: _ShapeNumbers,
+    shape: NDArray[np.uint16],
+    edge: NDArray[np.bool_],
+    edge_samples: int,
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.float32]]:
     """Pixels, indices of shapes and shares, as :class:`Mattes` has them.
 
     Args:
         view: the camera.
         prepared: the scene.
+        numbers: of its shapes.
         shape: 1 + index of the shape in the middle of each pixel, 0 for none, shape (height, width).
         edge: pixels that show several.
         edge_samples: points in each of them.
@@ -137,7 +144,7 @@ def _coverage(
         column, row = mi.Float(pixel % width), mi.Float(pixel // width)
         rays = view.pixel_rays(column, row, mi.Point2f(x, y), mi.Point2f(*lens))
         found = first_hit(prepared.surfaces.shown, rays.ray, coherent=True, active=rays.inside)
-        seen = _shapes(prepared, found, rays.inside).numpy().reshape(len(some), edge_samples)
+        seen = numbers.of(found, rays.inside).numpy().reshape(len(some), edge_samples)
         pairs, count = np.unique((np.arange(len(some))[:, None] << 16) | seen.astype(np.int64), return_counts=True)
         there = (pairs & 0xFFFF) > 0
         pixels.append(some[pairs[there] >> 16])
@@ -147,16 +154,23 @@ def _coverage(
     return np.concatenate(pixels)[order], np.concatenate(shapes)[order], np.concatenate(shares)[order]
 
 
-def _shapes(prepared: Prepared, found: mi.PreliminaryIntersection3f, inside: mi.Bool) -> mi.UInt32:
-    """0 for real surfaces and sky, 1 + index of the shape for synthetic ones."""
-    result = dr.zeros(mi.UInt32, dr.width(found.t))
-    for index, (_, shape) in enumerate(prepared.shapes):
-        result = dr.select(inside & found.is_valid() & (found.shape == mi.ShapePtr(shape)), index + 1, result)
-    return result
+class _ShapeNumbers:
+    """Which shapes are met: a table, not a comparison for each of them, so that one program serves all scenes."""
+
+    def __init__(self, prepared: Prepared) -> None:
+        places = [registered(mi.ShapePtr(shape)) for _, shape in prepared.shapes]
+        table = np.zeros(max(places, default=0) + 1, np.uint32)
+        table[places] = np.arange(1, len(places) + 1)
+        self._table, self._size = mi.UInt32(aligned(table, np.uint32)), dr.opaque(mi.UInt32, len(table))
+
+    def of(self, found: mi.PreliminaryIntersection3f, inside: mi.Bool) -> mi.UInt32:
+        """0 for real surfaces and sky, 1 + index of the shape for synthetic ones."""
+        place = dr.reinterpret_array(mi.UInt32, found.shape)
+        return dr.gather(mi.UInt32, self._table, place, inside & found.is_valid() & (place < self._size))
 
 
 def _surface(
-    prepared: Prepared, seen: CameraRays, shown: mi.Color3f | None
+    prepared: Prepared, numbers: _ShapeNumbers, seen: CameraRays, shown: mi.Color3f | None
 ) -> tuple[mi.Vector3f, mi.Color3f, mi.UInt32]:
     surfaces, place, ray, inside = prepared.surfaces, prepared.place, seen.ray, seen.inside
     found = first_hit(surfaces.shown, ray, coherent=True, active=inside)
@@ -169,4 +183,4 @@ def _surface(
     diffuse = dr.select(dr.max(diffuse) > 0.0, dr.minimum(diffuse, 1.0), 1.0)
     normal = dr.select(on_synthetic, mi.Vector3f(si.sh_frame.n), hit.normal & on_real)
     photographed = dr.clip(place.photograph.sharp(hit, ray) if shown is None else shown, 0.0, 1.0) & inside
-    return normal, dr.select(on_synthetic, diffuse, photographed), _shapes(prepared, found, inside)
+    return normal, dr.select(on_synthetic, diffuse, photographed), numbers.of(found, inside)

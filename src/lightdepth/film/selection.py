@@ -40,12 +40,18 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
     for band in bands(columns, rows):
         reached = mi.Bool(False)
         rays: list[mi.Ray3f] = []
-        for x, y in ((0.5, 0.5), (0.02, 0.02), (0.98, 0.02), (0.02, 0.98), (0.98, 0.98)):
-            film = mi.Point2f(
-                dr.minimum((band.column + x) * (TILE / width), 1.0), dr.minimum((band.row + y) * (TILE / height), 1.0)
+        for place in ((0.5, 0.5), (0.02, 0.02), (0.98, 0.02), (0.02, 0.98), (0.98, 0.98)):
+            in_tile = mi.Point2f(*place)
+            if len(lenses) > 1:
+                dr.make_opaque(in_tile)  # Point by point, and one program for all of them.
+            film = dr.minimum(
+                (mi.Point2f(band.column, band.row) + in_tile) * mi.Point2f(TILE / width, TILE / height), 1.0
             )
             for number, lens in enumerate(lenses):
-                seen = view.rays(film, mi.Point2f(*lens))
+                on_lens = mi.Point2f(*lens)
+                if len(lenses) > 1:
+                    dr.make_opaque(on_lens)
+                seen = view.rays(film, on_lens)
                 ray, inside = seen.ray, seen.inside
                 found = first_hit(surfaces.seen, ray, coherent=True, active=inside)
                 on_real = surfaces.is_real(found)

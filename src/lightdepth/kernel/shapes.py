@@ -256,7 +256,21 @@ def moved_copy(shape: mi.Shape, offset: np.ndarray) -> mi.Shape:
         return mesh_shape(Mesh((vertices + offset).astype(np.float32), faces.astype(np.int32)))
     to_world = np.array(parameters["to_world"].matrix, np.float64).reshape(4, 4)
     to_world[:3, 3] += offset
-    return load({"type": shape.class_name().lower(), "to_world": mi.ScalarTransform4f(to_world)})
+    return _with_place_as_data(load({"type": shape.class_name().lower(), "to_world": mi.ScalarTransform4f(to_world)}))
+
+
+def _with_place_as_data(shape: mi.Shape) -> mi.Shape:
+    """An analytic shape whose transformation is no part of the program: each place of a moving lamp would compile one.
+
+    Of Mitsuba's shapes only rectangles need it.
+    """
+    if shape.shape_type() == int(mi.ShapeType.Rectangle):
+        parameters = mi.traverse(shape)
+        to_world = mi.Transform4f(parameters["to_world"])
+        dr.make_opaque(to_world)
+        parameters["to_world"] = to_world
+        parameters.update()
+    return shape
 
 
 def is_polished(shape: mi.Shape) -> bool:
@@ -342,7 +356,7 @@ class _Builder:
         description["to_world"] = mi.ScalarTransform4f(geometry.to_world)
         if light is not None:
             description["emitter"] = light
-        return load(description)
+        return _with_place_as_data(load(description))
 
     def _bsdf(self, material: Material, v_up: bool) -> mi.BSDF:
         key = digest(material, v_up)
