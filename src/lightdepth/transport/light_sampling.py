@@ -74,7 +74,7 @@ class LightSampling:
         self._has_relit = not surfaces.kinds.isdisjoint((FaceKind.RELIT, FaceKind.REMOVED))
         self.map_share = 0.5 if has_emitters else 1.0
         # What little stands out of the map beside declared suns is found by scattering, with less noise and less work.
-        self._map_worth = place.standing_out if place.suns else 1.0
+        self._map_worth = place.path_shares[0] if place.suns else 1.0
         self._candidates = max(round(parameters.candidates * self._map_worth), 1)
         of_map = self.map_share * (parameters.candidates * self._map_worth)
         self.samples = (of_map, *(1.0 for _ in place.suns))
