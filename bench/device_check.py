@@ -33,6 +33,16 @@ BLOCK = 16
 """Pixels of a block's side: the means of blocks are compared."""
 WIDTHS = {"view": 320, "dome": 192, "pano": 256}
 CASES = [("difference", "view"), ("difference", "dome"), ("difference", "pano"), ("envpath", "view")]
+START = """
+import sys
+from lightdepth.errors import LightdepthError
+from lightdepth.kernel.start import start
+try:
+    start(sys.argv[1])
+except (LightdepthError, ValueError) as error:
+    sys.exit(f"{sys.argv[1]}: {error}")
+"""
+"""Whether a device can render, in a process of its own."""
 SPEED_WIDTHS = {"view": 1280, "dome": 1024, "pano": 2048}
 
 
@@ -54,8 +64,13 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         python = _python(Path(folder), arguments.wheels)
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "src")))}
-        files = []
-        for number, device in enumerate(arguments.devices.split(",")):
+        files, devices = [], arguments.devices.split(",")
+        # At once, and not when the reference has rendered for minutes.
+        if not all(
+            subprocess.run([python, "-c", START, device], env=environment).returncode == 0 for device in devices
+        ):
+            return 2
+        for number, device in enumerate(devices):
             files.append(arguments.output / f"{number}-{device}.npz")
             # With caches of its own: nothing compiled or prepared before, and nothing of the other device's.
             caches = Path(folder) / str(number)

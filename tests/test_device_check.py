@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 import pytest
-from bench.device_check import BLOCK, compare
+from bench.device_check import BLOCK, ROOT, compare
 
 SHAPE = (8, 4 * BLOCK, 6 * BLOCK, 3)
 PLATE = np.ones(SHAPE[1:])
@@ -38,3 +41,11 @@ def test_another_plate_is_caught_but_not_a_ray_that_grazes_an_edge(pictures: np.
     assert compare(pictures, pictures, PLATE, plate)["agree"]
     plate[0, :10] *= 1.01
     assert not compare(pictures, pictures, PLATE, plate)["agree"]
+
+
+def test_a_device_that_is_not_there_is_named_before_anything_is_rendered(tmp_path) -> None:
+    command = [sys.executable, ROOT / "bench/device_check.py", "--devices", "abacus", "--output", tmp_path]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith("abacus: device 'abacus'")
+    assert list(tmp_path.iterdir()) == []

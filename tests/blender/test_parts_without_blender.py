@@ -134,7 +134,8 @@ def test_one_renderer_goes_through_everything(worker, noted, scene, tmp_path):
     assert not np.array_equal(kept[0], kept[1])
     # Cancelled while it loads, prepares and renders: what there is is written, and it goes on.
     other = scene.with_name("other.toml")
-    other.write_text(scene.read_text().replace("[0.0, 0.0, 1.6]", "[0.0, 0.1, 1.6]"))
+    slow = f"\n[render]\nirradiance_samples = {1 << 20}\n"  # The place is not ready before it is cancelled.
+    other.write_text(scene.read_text().replace("[0.0, 0.0, 1.6]", "[0.0, 0.1, 1.6]") + slow)
     for stage in ("loading", "preparing"):
         told = _rendered(worker, noted, other, tmp_path / "3.exr", stage, samples=1_000_000)
         assert (told[-1]["event"], told[-1]["interrupted"], told[-1]["file"]) == ("done", True, None)

@@ -41,14 +41,11 @@ def animated(blender, tmp_path_factory):
 
 
 @pytest.mark.parametrize("frame", [1, 2])
-def test_frames_have_the_pixels_of_the_command_line(animated, blender, renderer, tmp_path, frame):
+def test_frames_have_the_pixels_of_the_command_line(animated, command, tmp_path, frame):
     _, folder, frames = animated
     rendered, output = frames[frame - 1], tmp_path / "command-line.exr"
-    subprocess.run(
-        [renderer, "render", folder / f"scene{frame}.toml", "--camera", "Camera", "-o", output, "--progress", "none"],
-        env=blender.environment,
-        check=True,
-    )
+    status, _, errors = command("render", folder / f"scene{frame}.toml", "--camera", "Camera", "-o", output)
+    assert status == 0, errors
     for part in read_exr(output):
         names = [name for name, counterpart in PASSES.items() if counterpart == part.name]
         for name in names:

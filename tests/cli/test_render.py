@@ -175,8 +175,9 @@ def test_ctrl_c_writes_what_there_is(scene, tmp_path):
 
 
 def test_ctrl_c_while_preparing_writes_nothing(scene, tmp_path):
-    target = tmp_path / "made" / "picture.exr"
-    process = start_render(scene, "-o", target, "--repair", "--progress", "json")
+    target, slow = tmp_path / "made" / "picture.exr", scene.with_name("slow.toml")
+    slow.write_text(scene.read_text().replace("irradiance_samples = 16", f"irradiance_samples = {1 << 20}"))
+    process = start_render(slow, "-o", target, "--repair", "--progress", "json")
     killer = threading.Timer(300, process.kill)
     killer.start()
     for line in process.stdout:

@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from fractions import Fraction
 
 import numpy as np
@@ -192,23 +191,36 @@ def test_three_processes_share_a_sequence_and_one_is_killed(scene, shot, tmp_pat
         assert pixels(tmp_path / f"shot.{number:02}.exr") == pixels(shot[0] / f"shot.{number:02}.exr")
 
 
+def until_progress(process, events):
+    """Take the events up to the next of progress."""
+    for line in process.stdout:
+        events.append(json.loads(line))
+        if events[-1]["event"] == "progress":
+            return
+
+
 @pytest.mark.parametrize("signals", [["SIGINT"], ["SIGINT", "SIGINT"], ["SIGTERM"]], ids=str)
 def test_ctrl_c_finishes_the_frame_and_the_second_one_drops_it(scene, tmp_path, signals):
-    options = (scene, "--frames", "1-3", "-o", tmp_path / "shot.##.exr", "--samples", 10_000)
+    # One to be dropped must not be finished before the second signal comes, and the last one not before the first signal.
+    samples = 10_000 if signals == ["SIGINT"] else 100_000_000
+    options = (scene, "--frames", f"1-{LAST}", "-o", tmp_path / "shot.##.exr", "--samples", samples)
     process = start(*options, "--progress", "json")
-    for line in process.stdout:
-        if json.loads(line)["event"] == "progress":
-            break
+    events = []
     for name in signals:
+        # Twice, for the first may have been on its way: the signal before has been noted then.
+        until_progress(process, events)
+        until_progress(process, events)
         process.send_signal(signal.Signals[name])
-        time.sleep(0.2)
     output, errors = process.communicate(timeout=300)
     assert process.returncode == 130, errors
     assert "Traceback" not in errors
-    assert json.loads(output.splitlines()[-1])["interrupted"]
-    assert f"the same command goes on: lightdepth render {scene} --frames 1-3" in errors
-    names = sorted(path.name for path in tmp_path.iterdir())
-    assert names == (["shot.01.exr", "shot.01.png"] if signals == ["SIGINT"] else [])
+    events += [json.loads(line) for line in output.splitlines()]
+    assert events[-1]["interrupted"]
+    assert f"the same command goes on: lightdepth render {scene} --frames 1-{LAST}" in errors
+    rendered = [number for number, state in states(events).items() if state == "rendered"]
+    assert bool(rendered) == (signals == ["SIGINT"])
+    files = {f"shot.{number:02}.{suffix}" for number in rendered for suffix in ("exr", "png")}
+    assert {path.name for path in tmp_path.iterdir()} == files
 
 
 def test_without_frames_the_first_one_is_rendered(scene, shot, command, tmp_path):

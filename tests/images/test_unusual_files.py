@@ -12,6 +12,9 @@ import pytest
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import ExrPart, ExrReader, read_exr, write_exr
+from lightdepth.images.panorama_file import read_panorama
+from lightdepth.images.picture_file import read_picture
+from lightdepth.images.plate_file import read_plate
 from lightdepth.images.radiance import read_radiance, write_radiance
 from tests.images.exr_bytes import uncompressed_exr
 
@@ -208,6 +211,17 @@ def test_content_decides_what_a_file_is(tmp_path, wrong):
     (tmp_path / "x.exr").rename(tmp_path / wrong)
     with pytest.warns(InputWarning, match="is read as .exr"):
         assert (read_radiance(tmp_path / wrong) == 3.0).all()
+
+
+@pytest.mark.parametrize("wrong", ["x.jpg", "x.pic"])
+def test_content_decides_for_panoramas_plates_and_pictures(tmp_path, wrong):
+    write_radiance(tmp_path / "x.hdr", np.full((8, 16, 3), 3.0, np.float32))
+    (tmp_path / "x.hdr").rename(tmp_path / wrong)
+    for read in (read_panorama, read_plate, read_picture):
+        with pytest.warns(InputWarning, match=rf"{wrong}: is read as .hdr, which it is by its content"):
+            found = read(tmp_path / wrong)
+        shape = found.pixels.shape if read is read_picture else getattr(found, "radiance", found).shape
+        assert shape == (8, 16, 3)
 
 
 def radiance_file(path, header, pixels, size=b"-Y 8 +X 16"):

@@ -132,7 +132,7 @@ def test_a_line_that_is_no_point_is_named(tmp_path, line, message):
 
 
 def test_a_file_without_points_is_named(tmp_path):
-    for content in ("", "3\n", "a b c\n"):
+    for content in ("", "3\n", "hello\n", "a b c\n"):
         (tmp_path / "x.xyz").write_text(content)
         with pytest.raises(InputError, match=r"x.xyz: "):
             read_points(tmp_path / "x.xyz")

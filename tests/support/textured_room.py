@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,7 @@ _TILES = {"floor": (30, 9), "ceiling": (9, 11), "front": (7, 12), "back": (12, 7
 """Tiles along a texture's u and v."""
 
 
+@cache
 def _pattern(name: str) -> FloatArray:
     """Reflectance of a surface, shape (512, 512, 3), float32: tiles of different tones with joints between them."""
     v, u = (np.mgrid[:512, :512] + 0.5) / 512

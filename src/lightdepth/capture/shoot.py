@@ -29,9 +29,14 @@ from lightdepth.errors import InputError
 from lightdepth.images.beauty import Beauty, read_beauty
 from lightdepth.images.orientation import mirrored_back
 from lightdepth.images.radiance import READERS, read_radiance
+from lightdepth.quantities import BRIGHTEST
 
 ROLLS = {3: 180.0, 6: 90.0, 8: -90.0}
 """How far the camera was turned about its axis, by EXIF orientation."""
+
+
+NEGATIVE = 0.01
+"""Share of negative pixels from which on they are named; developers leave a few in the dark."""
 
 
 @dataclass(frozen=True)
@@ -228,9 +233,16 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
         picture = read_beauty(path) if path.suffix.lower() == ".exr" else Beauty(read_radiance(path), None)
         radiance = picture.radiance
         finite: NDArray[np.bool_] = np.asarray(np.isfinite(radiance).all(axis=2))
+        finite &= (np.abs(np.where(finite[..., None], radiance, 0.0)) <= BRIGHTEST).all(axis=2)
         if not finite.all():
             warnings.append(f"{path.name}: {(~finite).sum()} pixels are not finite; they count as not photographed")
             radiance = np.where(finite[..., None], radiance, np.float32(0.0))
+        negative = (radiance < 0.0).any(axis=2)
+        if negative.mean() > NEGATIVE:
+            warnings.append(
+                f"{path.name}: {negative.sum()} pixels are negative, which light cannot be; they are black here"
+            )
+        radiance = np.maximum(radiance, np.float32(0.0))
         pictures.append(
             (radiance, finite if picture.alpha is None else finite & (picture.alpha > 0.5), picture.alpha is None)
         )

@@ -12,7 +12,7 @@ from lightdepth.scene.lights.frame import azimuth_and_elevation
 from lightdepth.scene.model import Panorama, Scene, SunLight
 
 STEP = 4
-"""Of the capture view's directions, every so many one is looked at."""
+"""Every ``STEP``-th direction of the capture view is looked at."""
 OFFSET = 1e-3
 """Share of the way to the capture point by which points are lifted off their surface."""
 NEAR, AROUND = 1.5, 4.0
@@ -63,7 +63,7 @@ def _sun_problems(
             Problem(
                 Severity.ERROR,
                 f"{name}: the capture point sees this sun, so that the photograph shows it and it would be counted twice; "
-                "remove the [[light]], or mend its direction or the place's openings",
+                "remove the [[light]], or correct its direction or the place's openings",
             )
         ]
     if shown is not None and shown[1] >= SAME_SUN * float(sun.irradiance.mean()):

@@ -52,6 +52,18 @@ _OTHERS = {
 }
 
 
+def holds_radiance(path: Path) -> bool:
+    """Whether :func:`read_radiance` is to read a file, by its name or by its content."""
+    if path.suffix.lower() in READERS:
+        return True
+    try:
+        with path.open("rb") as file:
+            start = file.read(4)
+    except OSError:
+        return False
+    return start.startswith(tuple(_STARTS))
+
+
 def read_radiance(path: Path) -> NDArray[np.float32]:
     """Read an image's radiance as it is in the file, unchecked, but in Rec.709.
 

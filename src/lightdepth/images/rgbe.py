@@ -115,7 +115,8 @@ def read_header(path: Path) -> RgbeHeader:
     factors = np.ones(3)
     for name, count in (("EXPOSURE", 1), ("COLORCORR", 3)):
         for text in re.findall(rf"^{name}=(.*)", header, re.MULTILINE):
-            factors = factors * _factors(text, name, count, path)
+            with np.errstate(over="ignore", under="ignore"):
+                factors = factors * _factors(text, name, count, path)
     _name_what_is_not_applied(header, path)
     least, greatest = np.finfo(np.float32).tiny, np.finfo(np.float32).max
     if not ((factors >= least) & (factors <= greatest)).all():

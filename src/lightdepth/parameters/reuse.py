@@ -21,7 +21,8 @@ class ReuseParameters:
         largest_window: side of the largest square of pixels over which differences are tested; each is a third of the one
             before, for edges.
         rejected: squared differences above this many times their variance are no noise;
-        around: nothing within a square of so many pixels is taken over: where edges have moved, some agree by chance.
+        around: nothing within a square of this many pixels around is taken over: where edges have moved, some pixels agree
+            by chance.
         mirroring: share of an object's pixels that are rejected above which it mirrors too much to believe the rest.
     """
 

@@ -16,14 +16,14 @@ class TransportParameters:
 
     Attributes:
         candidates: RIS candidates for each shadow ray; one is kept, in proportion to the light that would arrive
-            unoccluded. More cost more than they gain once the brightest few lights are told apart.
+            unoccluded. More cost more than they gain once the brightest few lights are distinguished.
         unlikely_sun: share of the vertices that test whether a declared sun is visible, among those where its shadow map
             finds that it is not.
         directed_share: of the scattered rays at support, that are object-directed where the objects fill a small part of
             the view.
         far_from_objects: radii of an object's sphere from which on such rays go around it as well, so that it looks as
             large as from there;
-        surroundings: at most so many radii around its centre.
+        surroundings: at most this many radii around its centre.
         glossy_share: of the other ones, that sample the specular lobe of a glossy surface that is not black beneath.
         mirrors_all: share of the paths that come from an object to a glossy surface and follow what its lobe mirrors, of
             all light; the others follow the change of its matte part.

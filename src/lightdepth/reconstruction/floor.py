@@ -28,7 +28,7 @@ HIGHEST = 30.0
 LOWER_STEP = 0.1
 """A floor hides at least this far, in metres, below a table or bed that was taken for it."""
 LOWER_SHARE = 0.25
-"""It is believed where at least this share of the higher plane's points lie on it."""
+"""It is accepted where at least this share of the higher plane's points lie on it."""
 
 FLATTEST = 0.2
 """Cosine to the plane's normal of a face that can be laid flat without becoming a sliver."""

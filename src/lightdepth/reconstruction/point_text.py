@@ -85,6 +85,8 @@ def read_text_cloud(path: Path) -> tuple[FloatArray, float | None]:
         )
     layout = _layout([line for _, line in data], header, path)
     title = data.pop(0)[1] if header is None and not _is_point(data[0][1], layout) else None
+    if not data:
+        raise InputError(f"{path}: holds no points, only the line '{title[:60] if title else ''}'")
     points = _numbers(path, data, layout)
     if title is not None:
         _check_title(path, title, data, layout)

@@ -131,7 +131,7 @@ def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces, tuned: Balan
     ranges = [_ranges(each.shown_radiance) for each in panoramas]
     bright = [mi.Bool(_near_bright(each.shown_radiance, tuned).reshape(-1)) for each in panoramas]
     grid = pixel_directions(rows, 2 * rows).reshape(-1, 3)
-    # A grid on the sphere is denser toward the poles: of each row, so many that all stand for the same angle.
+    # A grid on the sphere is denser toward the poles: each row keeps so few that all stand for the same solid angle.
     row, column = np.divmod(np.arange(len(grid)), 2 * rows)
     share = np.sin(np.pi * (row + 0.5) / rows)
     kept = np.floor((column + 1) * share) > np.floor(column * share)
@@ -283,7 +283,7 @@ def _closed(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _shares_nothing(panoramas: Sequence[Panorama], alone: int) -> str:
     return (
         f"{_name(panoramas, alone)}: sees next to nothing that another panorama sees too, so that its gain cannot be "
-        "solved; mend its pose or the model, or give its gain"
+        "solved; correct its pose or the model, or give its gain"
     )
 
 

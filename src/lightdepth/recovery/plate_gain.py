@@ -1,7 +1,7 @@
 """The gain of a plate: from what the panoramas show of a surface to what the plate shows of it, per channel.
 
 Theory, section 10, eq. (16). Exposure and white balance are a factor per channel. Where the plate differs by more, its
-camera is wrong, the light was another, or a tone curve was applied to it, and no factor can mend that.
+camera is wrong, the light was another, or a tone curve was applied to it, and no factor can correct that.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ def solve_plate_gain(
     if len(ratio) < tuned.fewest:
         nothing = (
             f"shows next to nothing that a panorama sees too ({len(ratio)} of {seen.comparable.size} parts of it can "
-            "be compared), so that its gain cannot be solved; mend the camera or the model, or give gain = [r, g, b]"
+            "be compared), so that its gain cannot be solved; correct the camera or the model, or give gain = [r, g, b]"
         )
         return PlateBalance(gain, len(ratio), np.nan, 0.0, seen.modelled, seen.seen, nothing if given is None else None)
     if given is None:

@@ -196,7 +196,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # Russian roulette: by throughput, and between support surfaces by the chance to meet an object.
         between_support = on_support & ~on_relit & ~first & ~all_light
         carried = dr.max(throughput)
-        # What was aimed at from far away weighs little because it was drawn so often, and is there to be looked at.
+        # What was aimed at from far away weighs little only because it was drawn so often.
         density = dr.pi * path.last.pdf
         carried *= dr.select(between_support & (density > parameters.aimed_density), density, 1.0)
         if cones is not None:

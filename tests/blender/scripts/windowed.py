@@ -167,7 +167,7 @@ def model(scene):
     for keys in ("ctrl+z", "ctrl+z", "ctrl+shift+z", "ctrl+shift+z"):
         before = meshes()
         window.press(keys)
-        yield from until(lambda before=before: meshes() != before, 10.0)
+        yield from until(lambda before=before: meshes() != before)
         found["undone"].append(meshes())
     with bpy.context.temp_override(**where):
         bpy.ops.lightdepth.show_roles()
