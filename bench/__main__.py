@@ -1,4 +1,4 @@
-"""The benchmark's command line: ``python -m bench`` and its parts ``truth``, ``cost`` and ``gloss``."""
+"""The benchmark's command line: ``python -m bench``, its parts, and ``page``, which publishes what they measured."""
 
 from __future__ import annotations
 
@@ -29,27 +29,44 @@ def everything(
     from bench.report import write_report
     from bench.run import FULL, QUICK, RESULTS, run, save
 
-    results = run(QUICK if quick else FULL, console)
+    results = run(QUICK if quick else FULL, console) | {"note": note}
     console.print(f"wrote {save(results, 'fidelity')}", highlight=False)
     costs = cost(quick, console)
     photographs = real(quick, console)
     if photographs is not None:
         costs["tables"].append(photographs)
     (RESULTS / "cost.json").write_text(json.dumps(costs, indent=1) + "\n")
-    console.print(f"wrote {write_report(results, costs, note)}", highlight=False)
+    console.print(f"wrote {write_report(results, costs)}", highlight=False)
 
 
 @app.command()
-def cost(quick: Annotated[bool, typer.Option(help="Small sizes.")] = False) -> None:
+def page() -> None:
+    """Write docs/benchmarks.md again from bench/results/, after a part of the benchmark ran; its pictures stay."""
+    from bench.report import write_report
+    from bench.run import RESULTS
+
+    results, costs = (json.loads((RESULTS / f"{name}.json").read_text()) for name in ("fidelity", "cost"))
+    console.print(f"wrote {write_report(results, costs)}", highlight=False)
+
+
+@app.command()
+def cost(
+    quick: Annotated[bool, typer.Option(help="Small sizes.")] = False,
+    only: Annotated[str, typer.Option(help="Measure the tables whose titles contain this; others stay.")] = "",
+) -> None:
     """Measure costs alone; print them and write bench/results/cost.json."""
     from bench.cost import cost as measure_cost
     from bench.run import RESULTS
 
-    costs = measure_cost(quick, console)
-    RESULTS.mkdir(parents=True, exist_ok=True)
-    (RESULTS / "cost.json").write_text(json.dumps(costs, indent=1) + "\n")
+    path = RESULTS / "cost.json"
+    costs = measure_cost(quick, console, only)
     for table in costs["tables"]:
         _print_table(table)
+    if only:
+        measured = {table["title"]: table for table in costs["tables"]}
+        costs["tables"] = [measured.get(table["title"], table) for table in json.loads(path.read_text())["tables"]]
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(costs, indent=1) + "\n")
 
 
 @app.command()

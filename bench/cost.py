@@ -31,8 +31,8 @@ from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticObject, 
 ROOT = Path(__file__).parents[1]
 
 
-def cost(quick: bool, console: Console) -> dict[str, Any]:
-    """All cost measurements, as tables of text."""
+def cost(quick: bool, console: Console, only: str = "") -> dict[str, Any]:
+    """All cost measurements whose titles contain ``only``, as tables of text."""
     start()
     tables = []
     for title, make in (
@@ -48,6 +48,8 @@ def cost(quick: bool, console: Console) -> dict[str, Any]:
         ("Seconds of processor after sampling, demo, 24 samples", after_sampling),
         ("Memory and time of an 8192x4096 panorama in and out", _large),
     ):
+        if only not in title:
+            continue
         console.print(f"cost: {title}", highlight=False, markup=False)
         head, rows = make(quick)
         tables.append({"title": title, "head": head, "rows": rows})

@@ -55,13 +55,13 @@ objects in it (stock Mitsuba `path`, up to 32 path vertices, through the same ca
 """
 
 
-def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str = "") -> Path:
-    """Write the page and its pictures.
+def write_report(results: dict[str, Any], cost: dict[str, Any] | None) -> Path:
+    """Write the page, and its pictures where there are images; otherwise they stay as they are.
 
     Args:
-        results: of :func:`bench.run.run`, with images.
+        results: of :func:`bench.run.run`, or as :func:`bench.run.save` keeps them. ``note`` is a sentence about the
+            circumstances, printed on top.
         cost: of :func:`bench.cost.cost`, or ``None``.
-        note: a sentence about the circumstances, printed on top.
     """
     folder = DOCS / "images" / "benchmarks"
     folder.mkdir(parents=True, exist_ok=True)
@@ -71,8 +71,8 @@ def write_report(results: dict[str, Any], cost: dict[str, Any] | None, note: str
         f"Machine: {machine['processor']}, {machine['threads']} threads, Python {machine['python']}; "
         f"{machine['date']}; load before the run {machine['load_before']}.\n"
     )
-    if note:
-        lines.append(f"**{note}**\n")
+    if results.get("note"):
+        lines.append(f"**{results['note']}**\n")
     effort, labels = results["effort"], results["labels"]
     lines.append(
         f"Photographs {effort['photograph'][0]} pixels wide with {effort['photograph'][1]} samples, truth with "
@@ -115,8 +115,9 @@ def _shot(results: dict[str, Any], place: str, camera: str, folder: Path) -> Ite
     shown = results["effort"]["budgets"][-2]
     yield f"### {place}, camera `{camera}`\n"
     name = f"{place}_{camera}"
-    show_side_by_side(results, place, camera, "exact", folder / f"{name}.png")
-    plot_convergence(results, place, camera, folder / f"{name}_convergence.png")
+    if any("image" in record for record in records):
+        show_side_by_side(results, place, camera, "exact", folder / f"{name}.png")
+        plot_convergence(results, place, camera, folder / f"{name}_convergence.png")
     yield (
         f"![Truth and the methods at {shown} samples; below, signed relative error]"
         f"(images/benchmarks/{name}.png)\n\n![Convergence](images/benchmarks/{name}_convergence.png)\n"
@@ -200,10 +201,9 @@ def missing_light() -> Iterator[str]:
         yield "## Light that the photograph lacks\n"
         yield (
             "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
-            "(recovery.md). *Noise of a pixel* is the standard deviation relative to the region's mean, with the sun "
-            "declared and without it in the same room and photograph. Without it nothing strong changes, so that there is "
-            "little to be noisy; with it the hard edges of its shadows are in the picture. So its time is not that of "
-            "equal work.\n"
+            "(recovery.md). ± is the standard error, from the truth's noise and the images' own. What a declared sun costs "
+            "is measured against the same sun in the photograph: the room without the sun has neither its light nor the "
+            "hard edges of its shadows. *At equal error* is time times variance.\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"

@@ -17,7 +17,7 @@ ENGINE = "LIGHTDEPTH"
 
 
 def unexpected(error: Exception) -> str:
-    """What a person is told of an error that nobody has foreseen."""
+    """What is shown to a person of an unforeseen error."""
     traceback.print_exc()
     return f"The extension failed ({type(error).__name__}: {error}); please report it with the scene"
 

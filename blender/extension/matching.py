@@ -43,7 +43,7 @@ class _OnPictures(picking.Clicks):
         return context.scene.lightdepth.image is not None and space is not None and space.type == "IMAGE_EDITOR"
 
     def asked(self, count: int) -> bpy.types.Image:
-        """The picture that the next click belongs to, after so many clicks."""
+        """The picture that the next click belongs to, after ``count`` clicks."""
         raise NotImplementedError
 
     def invoke(self, context, event):

@@ -1,7 +1,7 @@
 """The viewport's preview: what the renderer makes of a view, coarse while something moves and refined while nothing does.
 
 The scene is exported on the main thread, when Blender draws the viewport; a thread of the preview's own asks the renderer
-and reads its pictures. It touches nothing of Blender.
+and reads its pictures. It does not use Blender.
 """
 
 import contextlib

@@ -51,7 +51,7 @@ def find_command(preferred: str) -> str:
 
 _LEASH = 'input=$1; shift; { (cat <&3; kill -KILL -$$) > /dev/null 2>&1 & } 3<&0; exec "$0" "$@" < "$input"'
 """A shell that becomes the command it is given, with a file as its input. Beside it waits for the end of a pipe that only
-Blender holds open, and then ends the process group: however Blender ends, be it killed, the renderer ends with it."""
+Blender holds open, and then ends the process group: when Blender ends, even if it is killed, so does the renderer."""
 NOT_FOUND, NOT_STARTABLE = 127, 126
 """Exit statuses of a shell that could not become the command."""
 _SHELLS_SIGNALS = 128

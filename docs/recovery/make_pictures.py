@@ -241,7 +241,7 @@ def known_albedo(scene: Path, places: Sequence[tuple[int, int]]) -> list[str]:
 
 
 def cut(radiance: np.ndarray, level: float) -> np.ndarray:
-    """A panorama that is clipped at so many times its mean."""
+    """A panorama clipped at a multiple of its mean."""
     return np.minimum(radiance, np.float32(level * radiance.mean()))
 
 

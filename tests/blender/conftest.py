@@ -29,7 +29,6 @@ NEWEST = {
     "test_calibrating",
     "test_endurance",
     "test_holes",
-    "test_mesh_exporters",
     "test_photographs",
     "test_sample_models",
     "test_seen_by_cycles",
@@ -39,7 +38,7 @@ NEWEST = {
     "test_no_renderer_is_left_behind",
 }
 """Slow tests and modules of such to which Blender's version makes no difference: they run in the newest that is there."""
-ENDS = {"test_frames", "test_real_lights", "test_referee"}
+ENDS = {"test_frames", "test_mesh_exporters", "test_real_lights", "test_referee"}
 """Slow modules in which versions differ by what Blender added or removed: they run in the oldest and in the newest."""
 
 

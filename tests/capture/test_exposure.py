@@ -2,10 +2,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
+from PIL.TiffImagePlugin import IFDRational
 
 from lightdepth.capture.brackets import brackets_in_folder, group_by_exposure
 from lightdepth.capture.exposure import Exposure, read_exposures, shutter_time
+from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError, InputWarning
+from lightdepth.images.radiance import write_radiance
 from tests.support.dng import write_dng
 from tests.support.photography import write_photograph
 
@@ -108,6 +112,57 @@ def test_brackets_that_repeat_are_found_in_a_folder(tmp_path):
     assert [len(group) for group in brackets_in_folder(tmp_path)] == [6, 6, 6]
 
 
+@pytest.mark.parametrize(
+    ("times", "sizes"),
+    [
+        ([1, 4, 16, 1.3, 5.2, 20.8, 0.8, 3.2, 12.8], [3, 3, 3]),
+        ([4, 1, 16, 5, 1.25, 20, 3, 0.75, 12, 6, 1.5], [3, 3, 3, 2]),
+        ([1, 2, 4, 8, 16, 32], [6]),  # One bracket in equal steps.
+        ([8, 4, 16, 2, 32, 1, 64, 0.5], [8]),
+    ],
+)
+def test_brackets_that_are_metered_one_by_one(times, sizes):
+    assert [len(group) for group in group_by_exposure(named(times))] == sizes
+
+
+def test_orientations_that_look_like_one_bracket_are_asked_about(tmp_path):
+    for index, time in enumerate((1 / 60, 1 / 100, 1 / 30, 1 / 80)):
+        write_photograph(tmp_path / f"{index}.jpg", GREY, time, index)
+    with pytest.raises(
+        InputError, match=r"4 photographs from 0.jpg to 3.jpg look like one bracket.*--bracket \(1 where"
+    ):
+        read_shoot([tmp_path], MergeOptions(several=True))
+
+
+def test_folders_as_they_come_from_a_card(tmp_path):
+    for index in (2, 10, 1, 11):
+        write_photograph(tmp_path / f"IMG_{index}.jpg", GREY, 1 / 60, 0)
+        (tmp_path / f"._IMG_{index}.jpg").write_bytes(b"\0\5\26\7")
+    names = [path.name for group in brackets_in_folder(tmp_path) for path, _ in group]
+    assert names == ["IMG_1.jpg", "IMG_2.jpg", "IMG_10.jpg", "IMG_11.jpg"]
+    (tmp_path / "a.heic").touch()
+    with pytest.warns(InputWarning, match="1 pictures of other kinds are left out, such as a.heic"):
+        brackets_in_folder(tmp_path)
+    write_radiance(tmp_path / "pano.hdr", np.ones((4, 8, 3), np.float32))
+    with pytest.raises(InputError, match=r"holds HDR images, such as pano.hdr, and photographs, such as IMG_1.jpg"):
+        read_shoot([tmp_path], MergeOptions())
+    (tmp_path / "a.heic").unlink()
+    (tmp_path / "pano.hdr").unlink()
+    (tmp_path / "small").mkdir()
+    write_photograph(tmp_path / "small/IMG_1.jpg", GREY, 1 / 60, 0)
+    with pytest.raises(InputError, match=r"holds photographs, such as IMG_1.jpg, and folders of them, such as small"):
+        brackets_in_folder(tmp_path)
+
+
+@pytest.mark.parametrize(("tag", "iso"), [(0x8833, 800), (0x8832, 800), (0x8831, 800)])
+def test_sensitivity_under_its_other_names(tmp_path, tag, iso):
+    exif = Image.Exif()
+    exif[0x0110] = "Test camera"
+    exif.get_ifd(0x8769).update({0x829A: IFDRational(1, 2), tag: iso})
+    Image.fromarray(GREY).save(tmp_path / "a.jpg", exif=exif)
+    assert read_exposures([tmp_path / "a.jpg"])[0].iso == iso
+
+
 def test_equal_exposures_are_no_bracket():
     assert [len(group) for group in group_by_exposure(named([4] * 6))] == [1] * 6
 
@@ -139,6 +194,16 @@ def test_powers_of_two_stand_for_times_and_f_numbers(tmp_path):
     exposure = read_exposures([tmp_path / "x.jpg"])[0]
     assert (exposure.time, exposure.iso) == (8.0, 200.0)
     assert exposure.aperture == pytest.approx(5.657, abs=1e-3)
+
+
+def test_what_a_table_says_beside_or_twice_is_named(tmp_path):
+    table = tmp_path / "t.csv"
+    table.write_text("file,time,f-number\na.jpg,1,4\n")
+    with pytest.warns(InputWarning, match="the columns f-number are not read"):
+        read_exposures([Path("a.jpg")], table)
+    table.write_text("file,time\none/a.jpg,1\ntwo/a.jpg,2\n")
+    with pytest.raises(InputError, match=r"t.csv: line 3 gives a.jpg another exposure"):
+        read_exposures([Path("a.jpg")], table)
 
 
 def test_tables_of_other_makes(tmp_path):

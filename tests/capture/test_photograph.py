@@ -4,12 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rawpy
 from PIL import Image, ImageCms
 
 from lightdepth.capture.exposure import Exposure, read_exposures
-from lightdepth.capture.merging import merge
-from lightdepth.capture.photograph import foreign_profile, read_photograph, shared_white_balance
-from lightdepth.capture.response import linear_response
+from lightdepth.capture.merging import merge, shared_response
+from lightdepth.capture.photograph import camera_colours, read_photograph, shared_white_balance, unlike_srgb
+from lightdepth.capture.response import linear_response, srgb_response
 from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.exr import ExrPart, write_exr
@@ -54,6 +55,68 @@ def test_raw_and_developed_photographs_are_not_mixed(tmp_path):
     Image.new("RGB", (8, 8)).save(tmp_path / "a.png")
     with pytest.raises(InputError, match=r"a.png: is no RAW file, but 080_long.dng is"):
         shared_white_balance([FAULTS / "02-rawmax/080_long.dng", tmp_path / "a.png"])
+
+
+def test_colours_of_raw_are_right_where_exposures_clip(tmp_path):
+    """A lamp of a saturated colour, seen by a camera of other primaries: what clips in it must not count as colour."""
+    colours = np.array([[0.6, 0.35, 0.05], [0.2, 0.7, 0.1], [0.05, 0.25, 0.7]])
+    neutral = np.array([0.5, 1.0, 0.7])
+    row = np.linspace(0.05, 1.0, 48)[None, :, None] ** 3 * np.array([60.0, 25.0, 5.0])
+    truth = 0.02 + np.repeat(row, 32, axis=0)
+    pairs = []
+    for index, amount in enumerate((1 / 64, 1 / 16, 1 / 4, 1)):
+        path = tmp_path / f"{index}.dng"
+        readings = np.clip(truth @ colours.T * neutral * amount * 15000 + 512, 0, 16000)
+        write_dng(path, readings, [512] * 3, 16000, neutral, colours=colours)
+        pairs.append((path, Exposure(amount)))
+    merged = merge(pairs, linear_response()).radiance
+    np.testing.assert_allclose(merged / np.median(merged / truth), truth, rtol=0.02)
+    # LibRaw's own development, of an exposure in which nothing clips.
+    with rawpy.imread(str(pairs[0][0])) as raw:
+        expected = raw.postprocess(
+            gamma=(1, 1), no_auto_bright=True, adjust_maximum_thr=0.0, output_bps=16, use_camera_wb=True
+        )
+    found = read_photograph(pairs[0][0]) @ camera_colours(pairs[0][0]).T
+    scale = np.median(found[:, 24:] / expected[:, 24:])
+    np.testing.assert_allclose(found[:, 24:], scale * expected[:, 24:], rtol=0.01)
+
+
+def test_grey_raw_is_grey(tmp_path):
+    grey = np.round(np.linspace(1000, 15000, 48))[None, :, None].repeat(32, axis=0)
+    write_dng(tmp_path / "grey.dng", grey, [512], 16000, (0.5, 1.0, 0.7))
+    pixels = read_photograph(tmp_path / "grey.dng", white_balance=shared_white_balance([tmp_path / "grey.dng"]))
+    assert pixels.shape == (32, 48, 3)
+    np.testing.assert_allclose(pixels / 65535, np.repeat((grey - 512) / (16000 - 512), 3, axis=2), atol=2e-4)
+    assert camera_colours(tmp_path / "grey.dng") is None
+
+
+def test_white_levels_that_differ_are_named(tmp_path):
+    for name, white in (("a", 16000), ("b", 15000)):
+        write_dng(tmp_path / f"{name}.dng", np.full((32, 48, 3), 4000), [0] * 3, white)
+    with pytest.warns(InputWarning, match=r"white level is 16000 in a.dng and another in b.dng"):
+        shared_white_balance([tmp_path / "a.dng", tmp_path / "b.dng"])
+
+
+def written(folder, exposures, pixels):
+    pairs = []
+    for index, (amount, linear) in enumerate(zip(exposures, pixels, strict=True)):
+        path = folder / f"{index}.dng"
+        write_dng(path, np.clip(linear * 15000, 0, 16000), [0] * 3, 16000)
+        pairs.append((path, Exposure(amount)))
+    return pairs
+
+
+def test_photographs_of_different_views_and_brightness_are_named(tmp_path):
+    rng = np.random.default_rng(5)
+    views = 0.12 * np.exp(rng.normal(0, 0.5, (2, 4, 6, 1))).repeat(8, axis=1).repeat(8, axis=2).repeat(3, axis=3)
+    with pytest.warns(InputWarning, match=r"0.dng and 1.dng hardly show the same view.*--bracket"):
+        merge(written(tmp_path, (1, 4), (views[0], 4 * views[1])), linear_response())
+    with pytest.warns(InputWarning, match=r"0.dng and 1.dng: their brightness differs by 3.0 stops.*--exposures"):
+        merge(written(tmp_path, (1, 4), (views[0], views[0] / 2)), linear_response())
+    pairs = written(tmp_path, (1, 4), (views[0], 4 * views[0]))
+    merge(pairs, linear_response())
+    with pytest.raises(InputError, match=r"0.dng: is RAW, whose readings are linear.*--response"):
+        merge(pairs, srgb_response())
 
 
 @pytest.mark.parametrize("black", [(0, 0, 0), (512, 512, 512), (512, 256, 1024), (100, 256, 1024)])
@@ -127,13 +190,16 @@ def test_what_is_exposed_alike_but_is_not_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"2.png: is exposed like 0.png by its EXIF data, but is 4 times as bright"):
         merge(pairs, linear_response())
     merge(pairs[:1] * 3, linear_response())
+    # Nothing can be learned of the response either.
+    assert shared_response([pairs])[1].startswith("sRGB")
 
 
 def test_numbers_of_channels(tmp_path):
     shown = np.random.default_rng(2).integers(0, 256, (6, 10, 4), dtype=np.uint8)
     Image.fromarray(shown).save(tmp_path / "alpha.png")
     Image.fromarray(shown[..., 0]).save(tmp_path / "grey.png")
-    np.testing.assert_array_equal(read_photograph(tmp_path / "alpha.png"), shown[..., :3])
+    with pytest.warns(InputWarning, match=r"alpha.png: 100 % of it are transparent; .* not applied"):
+        np.testing.assert_array_equal(read_photograph(tmp_path / "alpha.png"), shown[..., :3])
     np.testing.assert_array_equal(read_photograph(tmp_path / "grey.png"), np.repeat(shown[..., :1], 3, axis=2))
 
 
@@ -157,11 +223,19 @@ def test_other_colour_profiles_are_named(tmp_path):
     for name, profile in {"lab": ImageCms.createProfile("LAB"), "srgb": ImageCms.createProfile("sRGB")}.items():
         icc = ImageCms.ImageCmsProfile(profile).tobytes()
         Image.new("RGB", (64, 48), (90, 90, 90)).save(tmp_path / f"{name}.jpg", icc_profile=icc)
-    assert foreign_profile(tmp_path / "srgb.jpg") is None
-    assert "Lab" in foreign_profile(tmp_path / "lab.jpg")
+    assert unlike_srgb([tmp_path / "srgb.jpg"]) is None
+    assert "Lab" in unlike_srgb([tmp_path / "srgb.jpg", tmp_path / "lab.jpg"])
+    # Cameras that are set to Adobe RGB state it by the mark of their files' interoperability.
+    exif = Image.Exif()
+    exif[0x0110] = "Test camera"
+    exif.get_ifd(0x8769)[0xA005] = {1: "R03"}
+    Image.new("RGB", (64, 48)).save(tmp_path / "adobe.jpg", exif=exif)
+    assert "adobe.jpg: its EXIF data say that its colours are those of Adobe RGB" in unlike_srgb(
+        [tmp_path / "adobe.jpg"]
+    )
     (tmp_path / "t.csv").write_text("file,time\nlab.jpg,1\n")
     shoot = read_shoot([tmp_path / "lab.jpg"], MergeOptions(exposures=tmp_path / "t.csv"))
-    assert any("colour profile 'Lab" in warning for warning in shoot.warnings)
+    assert any("colour profile is 'Lab" in warning for warning in shoot.warnings)
 
 
 def test_hdr_images_with_layers_alpha_and_impossible_pixels(tmp_path):

@@ -17,7 +17,7 @@ from lightdepth.capture.photometry import Photometry
 from lightdepth.capture.project import ControlPoint
 from lightdepth.capture.report import warnings_of
 from lightdepth.capture.rig import PRESETS
-from lightdepth.capture.shoot import Shoot
+from lightdepth.capture.shoot import MergeOptions, Shoot, read_shoot
 from lightdepth.capture.stitching import Orientation, Stitched, groups_of, turned_to_the_rig
 from lightdepth.cli.app import app
 from lightdepth.directions import pixel_directions
@@ -224,6 +224,26 @@ def test_views_that_nothing_connects_are_refused_without_a_rig(tmp_path):
     with pytest.raises(InputError, match=r"no control points were found between any two .* --rig"):
         run("capture", "stitch", *blank_views(tmp_path), "-o", tmp_path / "x.exr", "--fov", 91)
     assert not (tmp_path / "x.exr").exists()
+
+
+def test_views_that_show_nothing_are_refused(tmp_path):
+    def stitch_all(pixels, names="abcd"):
+        for name in names:
+            write_radiance(tmp_path / f"{name}.exr", pixels.astype(np.float32))
+        files = [tmp_path / f"{name}.exr" for name in "abcd"]
+        run("capture", "stitch", *files, "-o", tmp_path / "out.exr", "--rig", "four", "--fov", "90")
+
+    for pixels in (np.zeros((32, 32, 3)), np.full((32, 32, 3), 1e30)):
+        with pytest.raises(InputError, match="a.exr and all others: show no light"):
+            stitch_all(pixels)
+    with pytest.raises(InputError, match="a.exr: is 3 x 2 pixels; at least 16 each way"):
+        stitch_all(np.ones((2, 3, 3)))
+    shoot = read_shoot([tmp_path / "a.exr"], MergeOptions())
+    assert shoot.warnings == []
+    write_radiance(tmp_path / "a.exr", np.full((8, 8, 3), -1.0, np.float32))
+    (orientation,) = (shoot := read_shoot([tmp_path / "a.exr"], MergeOptions())).orientations
+    assert shoot.warnings == ["a.exr: 64 pixels are negative, which light cannot be; they are black here"]
+    assert (orientation.radiance == 0.0).all()
 
 
 @pytest.mark.parametrize(("off", "warned"), [(0.5, False), (7.0, True)])

@@ -158,21 +158,34 @@ def test_boxes_hold_every_tile_and_little_else():
     assert all(_margins(box, tiles, False, DEFAULT).count(DEFAULT.wide_margin) in (1, 2) for box in boxes)
 
 
-def test_a_faint_change_is_denoised_without_the_network(denoised):
-    """Its mean stays, far less noise is left, and where it grows strong there is no step between both ways."""
+def test_a_smooth_change_is_denoised_without_the_network(denoised):
+    """Its mean stays, far less noise is left, and beside an edge there is no step between both ways."""
     random = fixed(5)
     plate = np.full((96, 288, 3), 0.5, np.float32)
-    truth = 0.5 * np.linspace(0.0, -0.045, 288, dtype=np.float32)[None, :, None] + np.zeros_like(plate)
+    shadow = np.where(np.arange(288) < 230, np.linspace(-0.03, -0.12, 288), -0.4).astype(np.float32)
+    truth = 0.5 * shadow[None, :, None] + np.zeros_like(plate)
     noisy = truth * random.gamma(12.0, 1 / 12.0, (96, 288, 1)).astype(np.float32)
     nothing = np.zeros_like(plate)
     frame = Frame(plate, noisy, nothing, nothing[..., 0], nothing[..., 0] + 1.0)
     there, strong = _changed_tiles(frame, frame.topology.charts[0], np.float32(0.0), DEFAULT)
     assert there.all()
-    assert (strong == (np.arange(18) >= 12)).all()
+    tile = np.arange(18)
+    assert (strong == ((tile >= 13) & (tile <= 15))).all()
     result = denoise(frame).change
     error = result - truth
     assert rms(error) < 0.1 * rms(noisy - truth)
-    assert rms(error[:, 176:208].mean(axis=0)) < 0.03 * np.abs(truth[:, 176:208]).mean()
+    for beside in (slice(176, 208), slice(256, 280)):
+        assert rms(error[:, beside].mean(axis=0)) < 0.03 * np.abs(truth[:, beside]).mean()
+
+
+@pytest.mark.parametrize(("noise", "seen"), [(0.005, True), (0.1, False)])
+def test_an_edge_that_stands_out_of_the_noise_is_left_to_the_network(noise, seen):
+    plate = np.ones((96, 160, 3), np.float32)
+    shadow = np.where(np.arange(160) < 88, -0.1, -0.14)[None, :, None] + fixed(6).normal(0.0, noise, (96, 160, 1))
+    nothing = np.zeros_like(plate)
+    frame = Frame(plate, nothing + shadow.astype(np.float32), nothing, nothing[..., 0], nothing[..., 0] + 1.0)
+    _, strong = _changed_tiles(frame, frame.topology.charts[0], np.float32(0.0), DEFAULT)
+    assert (strong.any(axis=0) == (seen & (np.abs(np.arange(10) - 5) <= 1))).all()
 
 
 def test_an_ordinary_image_without_guides_is_denoised_as_well(denoised):

@@ -3,13 +3,16 @@
 import re
 from pathlib import Path
 
+from lightdepth.calibration.fspy import fspy_cues, read_fspy
 from lightdepth.capture.exposure import read_exposures
-from lightdepth.capture.photograph import foreign_profile, read_photograph, shared_white_balance
+from lightdepth.capture.photograph import camera_colours, read_photograph, shared_white_balance, unlike_srgb
 from lightdepth.capture.response import load_response
+from lightdepth.capture.rig import parse_rig
 from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError
 from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.radiance import read_radiance
+from lightdepth.images.stmap import read_stmap
 from lightdepth.reconstruction.depth_image import read_depth_image
 from lightdepth.reconstruction.point_cloud import read_points
 from lightdepth.scene.instances import read_instances
@@ -42,7 +45,8 @@ def _scene(path):
 
 def _photograph(path):
     """Everything that `capture` asks of one photograph."""
-    foreign_profile(path)
+    unlike_srgb([path])
+    camera_colours(path)
     shared_white_balance([path])
     read_photograph(path)
     read_exposures([path])
@@ -72,6 +76,9 @@ READERS = {
     "bracket": _bracket,
     "exposures": _exposures,
     "response": load_response,
+    "rig": lambda path: parse_rig(str(path), 7),
+    "stmap": read_stmap,
+    "fspy": lambda path: fspy_cues(read_fspy(path), (1000, 800)),
 }
 
 RAW = re.compile(

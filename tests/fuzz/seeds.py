@@ -3,18 +3,21 @@
 import contextlib
 import io
 import json
+import struct
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageCms
 
 from lightdepth.capture.response import save_response, srgb_response
 from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.images.radiance import write_radiance
+from lightdepth.images.stmap import write_stmap
 from tests.scene.gltf_writer import gltf_document, with_draco, with_meshopt
+from tests.support.dng import write_dng
 
 FAULTS = Path(__file__).parents[1] / "faults"
 
@@ -40,7 +43,17 @@ class Seed:
 
 def seeds():
     """All seeds."""
-    return [*_meshes(), *_images(), *_depths(), *_points(), *_instances(), *_scenes(), *_captures()]
+    return [
+        *_meshes(),
+        *_usd(),
+        *_images(),
+        *_depths(),
+        *_points(),
+        *_instances(),
+        *_scenes(),
+        *_captures(),
+        *_others(),
+    ]
 
 
 MESHES = [
@@ -78,6 +91,20 @@ def _meshes():
     yield Seed("big-endian ply", "mesh", "mutant.ply", head + rows.tobytes() + strips)
 
 
+def _usd():
+    """As text only: of binary files, USD's own library takes as much memory as a damaged array claims to need."""
+    try:
+        import pxr  # noqa: F401
+    except ImportError:
+        return
+    text = (
+        '#usda 1.0\n(\n    upAxis = "Z"\n    metersPerUnit = 0.01\n)\ndef Mesh "a"\n{\n    int[] faceVertexCounts = [4]\n'
+        "    int[] faceVertexIndices = [0, 1, 2, 3]\n    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]\n"
+        '    double3 xformOp:translate = (1, 2, 3)\n    uniform token[] xformOpOrder = ["xformOp:translate"]\n}\n'
+    )
+    yield Seed("mesh.usda", "mesh", "mutant.usda", text.encode())
+
+
 def _with_ktx2():
     """A textured quad."""
     data = (Path(__file__).parents[1] / "scene/data/quadrants_etc1s.ktx2").read_bytes()
@@ -109,6 +136,15 @@ def _images():
             f"image{suffix}", "image", f"mutant{suffix}",
             _written(f"a{suffix}", lambda path: write_radiance(path, radiance)),
         )  # fmt: skip
+    channels = {name: radiance[..., index] for index, name in enumerate("RGB")}
+    parts = [
+        ExrPart({"Z": radiance[..., 0]}, "depth"),
+        ExrPart(channels, "beauty", {"colorInteropID": "lin_ap1_scene"}),
+    ]
+    yield Seed("parts.exr", "image", "mutant.exr", _written("a.exr", lambda path: write_exr(path, parts)))
+    flat = b"#?RADIANCE\nEXPOSURE=2\nCOLORCORR=1 2 1\nPRIMARIES=.64 .33 .29 .60 .15 .06 .3127 .3290\nGAMMA=1\n"
+    flat += b"FORMAT=32-bit_rle_rgbe\n\n+X 8 -Y 4\n" + bytes([9, 8, 7, 130] * 30 + [1, 1, 1, 2])
+    yield Seed("old.hdr", "image", "mutant.hdr", flat)
     exif = Image.Exif()
     exif[274], exif[34665] = 1, {33434: 0.01}  # Orientation, and exposure among the EXIF tags proper.
     box = b'<rdf:Description xmlns:GPano="http://ns.google.com/photos/1.0/panorama/" GPano:PoseHeadingDegrees="30"/>'
@@ -116,6 +152,16 @@ def _images():
     for kind, suffix in (("JPEG", ".jpg"), ("TIFF", ".tif"), ("PNG", ".png")):
         more = {"xmp": box, "exif": exif} if kind == "JPEG" else {}
         yield Seed(f"panorama{suffix}", "panorama", f"mutant{suffix}", _encoded(kind, grey, **more))
+    profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
+    yield Seed("profile.jpg", "panorama", "mutant.jpg", _encoded("JPEG", grey, icc_profile=profile))
+    ramp = np.tile(np.arange(32, dtype=np.uint16) * 2000, (16, 1))
+    yield Seed("panorama 16.png", "panorama", "mutant.png", _encoded("PNG", ramp, np.uint16))
+    yield Seed("panorama float.tif", "panorama", "mutant.tif", _encoded("TIFF", ramp / 9000, np.float32))
+    with contextlib.suppress(ImportError):
+        import pillow_heif
+
+        pillow_heif.register_heif_opener()
+        yield Seed("panorama.heic", "panorama", "mutant.heic", _encoded("HEIF", np.full((64, 128, 3), 120)))
     yield Seed("texture.png", "texture", "mutant.png", _encoded("PNG", np.arange(256).reshape(16, 16)))
     yield Seed("texture 16.png", "texture", "mutant.png", _encoded("PNG", np.arange(256).reshape(16, 16), np.uint16))
     yield Seed("texture.jpg", "texture", "mutant.jpg", _encoded("JPEG", np.arange(256).reshape(16, 16)))
@@ -146,6 +192,17 @@ def _points():
     cloud = laspy.LasData(laspy.LasHeader(point_format=0, version="1.2"))
     cloud.x, cloud.y, cloud.z = points.T
     yield Seed("points.las", "points", "mutant.las", _written("a.las", lambda path: cloud.write(path)))
+    if laspy.LazBackend.detect_available():
+        yield Seed("points.laz", "points", "mutant.laz", _written("a.laz", lambda path: cloud.write(path)))
+    with contextlib.suppress(ImportError):
+        import pye57
+
+        def write(path):
+            file = pye57.E57(str(path), mode="w")
+            file.write_scan_raw({f"cartesian{axis}": points[:, i] for i, axis in enumerate("XYZ")})
+            file.close()
+
+        yield Seed("points.e57", "points", "mutant.e57", _written("a.e57", write))
 
 
 def _instances():
@@ -187,6 +244,12 @@ def _captures():
         pass
     else:
         yield Seed("photograph.dng", "photograph", "mutant.dng", raw.read_bytes())
+        linear = np.full((32, 48, 3), 3000)
+        colours = np.array([[0.6, 0.3, 0.1], [0.2, 0.7, 0.1], [0.1, 0.2, 0.7]])
+        content = _written(
+            "a.dng", lambda path: write_dng(path, linear, [64] * 3, 16000, (0.5, 1, 0.7), colours=colours)
+        )
+        yield Seed("linear.dng", "photograph", "mutant.dng", content)
         yield Seed("photograph.jpg", "photograph", "mutant.jpg", photograph.read_bytes())
         for name, pattern in BRACKETS.items():
             first, *others = sorted(FAULTS.glob(pattern))
@@ -196,3 +259,36 @@ def _captures():
     yield Seed("exposures.csv", "exposures", "mutant.csv", table)
     response = _written("a.json", lambda path: save_response(path, srgb_response()))
     yield Seed("response.json", "response", "mutant.json", response)
+
+
+def _others():
+    """A tripod head's orientations, a lens's ST map, and a project of fSpy."""
+    yield Seed("rig.txt", "rig", "mutant.txt", b"0,0 72,0 144,0 216,0\n288,0 0,90 0,-90,5\n")
+    film = np.stack(np.meshgrid(np.linspace(0.02, 0.98, 16), np.linspace(0.02, 0.98, 8)), axis=-1)
+    yield Seed("stmap.exr", "stmap", "mutant.exr", _written("a.exr", lambda path: write_stmap(path, film)))
+    state = json.dumps(_fspy_state()).encode()
+    yield Seed("view.fspy", "fspy", "mutant.fspy", struct.pack("<4sIII", b"fspy", 1, len(state), 2) + state + b"xx")
+
+
+def _fspy_state():
+    """A picture with two vanishing points and a known length."""
+
+    def segments(*ends):
+        return {"lineSegments": [[{"x": x, "y": y} for x, y in pair] for pair in ends]}
+
+    return {
+        "globalSettings": {"calibrationMode": "TwoVanishingPoints"},
+        "calibrationSettingsBase": {
+            "firstVanishingPointAxis": "xPositive", "secondVanishingPointAxis": "yPositive",
+            "referenceDistanceAxis": "xPositive", "referenceDistance": 2, "referenceDistanceUnit": "Meters",
+        },
+        "calibrationSettings2VP": {"quadModeEnabled": False, "principalPointMode": "Manual"},
+        "controlPointsStateBase": {
+            "principalPoint": {"x": 0.5, "y": 0.5}, "origin": {"x": 0.5, "y": 0.7},
+            "referenceDistanceHandleOffsets": [0.1, 0.3],
+            "firstVanishingPoint": segments(((0.2, 0.2), (0.4, 0.3)), ((0.2, 0.8), (0.4, 0.7))),
+        },
+        "controlPointsState2VP": {
+            "secondVanishingPoint": segments(((0.8, 0.2), (0.6, 0.3)), ((0.8, 0.8), (0.6, 0.7))),
+        },
+    }  # fmt: skip

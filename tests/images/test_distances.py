@@ -8,7 +8,7 @@ import pytest
 
 from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, InputWarning
-from lightdepth.images.distances import along_rays, check_kind, likely_kind, read_distances, warn_of_doubts
+from lightdepth.images.distances import along_rays, check_kind, likely_kind, read_distances, warn_of_sky, warn_of_unit
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.scene.depth import read_depth
 
@@ -68,6 +68,26 @@ def test_the_channel_of_distances_is_found(tmp_path, name):
     assert (read_distances(tmp_path / "x.exr")[0] == expected).all()
 
 
+@pytest.mark.parametrize("name", ["ZDepth", "VRayZDepth.R", "Z depth.R", "linear_depth"])
+def test_other_programs_names_are_known(tmp_path, name):
+    planes = {own: np.full((8, 16), 0.5, np.float32) for own in "RGB"}
+    write_exr(tmp_path / "x.exr", [ExrPart(planes | {name: np.full((8, 16), 7.0, np.float32)})])
+    assert (read_distances(tmp_path / "x.exr")[0] == 7.0).all()
+
+
+def test_distances_may_stand_in_three_channels_of_their_layer(tmp_path):
+    planes = {own: np.full((8, 16), 0.5, np.float32) for own in "RGB"}
+    for last, same in ((7.0, True), (8.0, False)):
+        depth = {f"FinalImageWorldDepth.{own}": np.full((8, 16), 7.0, np.float32) for own in "RGA"}
+        depth["FinalImageWorldDepth.B"] = np.full((8, 16), last, np.float32)
+        write_exr(tmp_path / "x.exr", [ExrPart(planes | depth)])
+        if same:
+            assert (read_distances(tmp_path / "x.exr")[0] == 7.0).all()
+        else:
+            with pytest.raises(InputError, match="holds a colour picture"):
+                read_distances(tmp_path / "x.exr")
+
+
 def test_a_part_of_its_own_is_found(tmp_path):
     colour = ExrPart({name: np.full((8, 16), value, np.float32) for name, value in zip("RGB", (2, 3, 4))}, "beauty")
     write_exr(tmp_path / "x.exr", [colour, ExrPart({"Y": np.ones((8, 16), np.float32)}, "depth")])
@@ -93,6 +113,7 @@ def test_what_is_not_clear_is_refused(tmp_path):
         "colour": [ExrPart({"R": ones, "G": 2 * ones, "B": ones})],
         "two": [ExrPart({"Near.Z": ones, "Far.Z": ones})],
         "mist": [ExrPart({"L.Mist.Z": ones, "L.Combined.R": ones})],
+        "fog": [ExrPart({"Mist.Z": ones})],
         "normal": [ExrPart({"N.X": ones, "N.Y": ones, "N.Z": ones})],
     }
     for name, parts in files.items():
@@ -104,6 +125,7 @@ def test_what_is_not_clear_is_refused(tmp_path):
         tmp_path / "colour.exr": r"holds a colour picture \(R, G, B\), and no channel of distances",
         tmp_path / "two.exr": "several channels of distances, 'Far.Z', 'Near.Z'",
         tmp_path / "mist.exr": r"no channel of distances \(Z\), but L.Combined.R, L.Mist.Z",
+        tmp_path / "fog.exr": r"no channel of distances \(Z\), but Mist.Z; .*--channel",
         tmp_path / "normal.exr": r"no channel of distances \(Z\), but N.X, N.Y, N.Z",
         tmp_path / "whole.npy": "holds whole numbers, whose unit is not known",
         tmp_path / "complex.npy": "holds complex128; distances are numbers",
@@ -139,7 +161,8 @@ def test_ordinary_rooms_raise_no_doubts(half):
     depth[20, 5:9] = np.nan
     depth[-2:] = 0.0  # A tripod that was not measured.
     check_kind(FILE, depth)
-    warn_of_doubts(FILE, depth)
+    warn_of_sky(FILE, depth)
+    warn_of_unit(FILE, depth)
 
 
 def test_doubts_are_reported():
@@ -150,13 +173,26 @@ def test_doubts_are_reported():
             check_kind(FILE, values)
     horizon = truth.copy()
     horizon[:10] = 1000.0
-    for values, message in (
-        (truth * 1000.0, "half of its distances are above"),
-        (truth / truth.max(), "end at 1; if they are normalised"),
-        (horizon, r"640 pixels have the same distance, 1000, and all others at most 5.\d+; if that means the sky"),
+    clamped = np.minimum(truth, 3.2)
+    far = truth.copy()
+    far[:2, :3] = [[1e5, 1e6, 1e7]]
+    for reported, values, message in (
+        (warn_of_unit, truth * 1000.0, "half of its distances are above"),
+        (warn_of_unit, truth / truth.max(), "end at 1; if they are normalised"),
+        (
+            warn_of_sky,
+            horizon,
+            r"640 pixels have the same distance, 1000, and all others at most 5.\d+; if that means the sky",
+        ),
+        (
+            warn_of_sky,
+            clamped,
+            r"\d+ pixels have the same distance, 3.2, and all others at most 3.\d+; if that means the sky",
+        ),
+        (warn_of_sky, far, r"its distances go up to 1e\+07 m; if that means the sky"),
     ):
         with pytest.warns(InputWarning, match=message):
-            warn_of_doubts(FILE, values)
+            reported(FILE, values)
 
 
 def test_a_png_of_another_kind_is_named(tmp_path):

@@ -1,15 +1,17 @@
 """Panoramas as cameras save them."""
 
 import struct
+import zlib
 
 import cv2
 import numpy as np
+import OpenImageIO
 import pytest
 from PIL import Image, ImageCms
 from PIL.PngImagePlugin import PngInfo
 
 from lightdepth.directions import euler_rotation, pixel_directions
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.icc import read_profile, srgb_profile
 from lightdepth.images.panorama_file import read_panorama
 from lightdepth.images.picture_file import read_picture
@@ -188,12 +190,93 @@ def test_a_png_has_its_metadata_in_a_chunk(tmp_path, pixels):
     assert (read_panorama(tmp_path / "p.png").rotation @ [0, 1, 0])[2] == pytest.approx(np.sin(np.radians(20)))
 
 
+def png_with(path, pixels, **chunks):
+    """Write a PNG with chunks before its pixels."""
+    Image.fromarray(pixels).save(path)
+    content = path.read_bytes()
+    more = b""
+    for name, data in chunks.items():
+        body = name.encode() + data
+        more += struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+    path.write_bytes(content[:33] + more + content[33:])
+
+
+def test_a_png_states_its_colours_by_chunks(tmp_path, pixels):
+    path = tmp_path / "p.png"
+    linear, wide = (
+        struct.pack(">I", 100000),
+        struct.pack(">8I", *(31270, 32900, 70800, 29200, 17000, 79700, 13100, 4600)),
+    )
+    Image.fromarray(pixels).save(path)
+    plain = read_panorama(path).radiance
+    for chunks in ({"gAMA": struct.pack(">I", 45455)}, {"sRGB": b"\0", "gAMA": linear}, {"cICP": bytes([1, 13, 0, 1])}):
+        png_with(path, pixels, **chunks)
+        np.testing.assert_array_equal(read_panorama(path).radiance, plain)
+    png_with(path, pixels, gAMA=linear)
+    np.testing.assert_allclose(read_panorama(path).radiance, pixels / 255.0, atol=1e-6)
+    png_with(path, pixels, cHRM=wide)
+    red, green, blue = np.moveaxis(plain, 2, 0)  # ITU-R BT.2087 has the matrix.
+    np.testing.assert_allclose(
+        read_panorama(path).radiance[..., 0],
+        np.maximum(1.6605 * red - 0.5876 * green - 0.0728 * blue, 0.0),
+        atol=2e-4,
+    )
+    png_with(path, pixels, cICP=bytes([9, 16, 0, 1]))
+    with pytest.raises(InputError, match=r"primaries 9, curve 16 of ITU-T H.273\) are not those of sRGB"):
+        read_panorama(path)
+
+
+def test_the_mark_of_adobe_rgb_is_heeded(tmp_path):
+    """As the same pixels with that profile."""
+    exif = Image.Exif()
+    exif[0x0110] = "Test camera"
+    exif.get_ifd(0x8769)[0xA005] = {1: "R03"}
+    colour = np.full((64, 128, 3), [200, 90, 40], np.uint8)
+    Image.fromarray(colour).save(tmp_path / "p.jpg", exif=exif, quality=100, subsampling=0)
+    # 563/256 is the exponent, and the matrix between the primaries leaves green as it is.
+    linear = (colour[0, 0] / 255.0) ** (563 / 256)
+    expected = [1.39836 * linear[0] - 0.39836 * linear[1], linear[1], -0.04293 * linear[1] + 1.04293 * linear[2]]
+    np.testing.assert_allclose(read_panorama(tmp_path / "p.jpg").radiance[30, 30], expected, atol=0.002)
+
+
+@pytest.mark.parametrize("kind", ["half", "double"])
+def test_tiffs_of_other_depths_are_linear(tmp_path, radiance, kind):
+    write_tiff(tmp_path / "p.tif", radiance, kind)
+    np.testing.assert_allclose(read_panorama(tmp_path / "p.tif").radiance, radiance, rtol=1e-3)
+
+
+def test_what_a_tiff_holds_beside_is_named(tmp_path, pixels, radiance):
+    page = Image.fromarray(pixels)
+    page.save(tmp_path / "pages.tif", save_all=True, append_images=[page])
+    with pytest.warns(InputWarning, match="holds several pages; the first is used"):
+        read_panorama(tmp_path / "pages.tif")
+    page.convert("CMYK").save(tmp_path / "cmyk.tif")
+    with pytest.raises(InputError, match="its colours are CMYK"):
+        read_panorama(tmp_path / "cmyk.tif")
+    write_tiff(tmp_path / "turned.tif", radiance, "float", Orientation=6)
+    with pytest.raises(InputError, match="stored on its side"):
+        read_panorama(tmp_path / "turned.tif")
+
+
+def write_tiff(path, pixels, kind, **attributes):
+    spec = OpenImageIO.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
+    for name, value in attributes.items():
+        spec[name] = value
+    image = OpenImageIO.ImageOutput.create(str(path))
+    assert image.open(str(path), spec)
+    assert image.write_image(pixels)
+    image.close()
+
+
 def test_transparent_pixels_are_unknown(tmp_path, pixels):
     alpha = np.full((64, 128, 1), 255, np.uint8)
     alpha[54:] = 0
     Image.fromarray(np.concatenate([pixels, alpha], axis=2)).save(tmp_path / "p.png")
     image = read_panorama(tmp_path / "p.png")
     np.testing.assert_array_equal(image.unknown, np.broadcast_to(alpha[..., 0] == 0, (64, 128)))
+    alpha[50:54] = 100
+    Image.fromarray(np.concatenate([pixels, alpha], axis=2)).save(tmp_path / "p.png")
+    assert any("6.2 % of it are partly transparent" in note for note in read_panorama(tmp_path / "p.png").notes)
 
 
 @pytest.mark.parametrize("orientation", [2, 3, 4, 6])

@@ -92,6 +92,10 @@ def test_exposure_in_the_header_is_undone(tmp_path):
         (lambda data: data.replace(b"-Y 16", b"-Y 1600000000"), "not a readable"),
         (lambda data: data.replace(b"FORMAT", b"EXPOSURE=none\nFORMAT", 1), "EXPOSURE .* 'none'; numbers are needed"),
         (lambda data: data.replace(b"FORMAT", b"EXPOSURE=-2\nFORMAT", 1), "EXPOSURE .* '-2'; 1 positive"),
+        (
+            lambda data: data.replace(b"FORMAT", b"EXPOSURE=1e-60\nFORMAT", 1),
+            "EXPOSURE and COLORCORR in its header multiply",
+        ),
         (lambda data: data.replace(b"FORMAT", b"COLORCORR=1 0 1\nFORMAT", 1), "COLORCORR .* '1 0 1'; 3 positive"),
         (lambda data: data.replace(b"FORMAT", b"PRIMARIES=1 1 1 1 1 1 1 1\nFORMAT", 1), "span no colour space"),
     ],

@@ -12,6 +12,9 @@ import pytest
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import ExrPart, ExrReader, read_exr, write_exr
+from lightdepth.images.panorama_file import read_panorama
+from lightdepth.images.picture_file import read_picture
+from lightdepth.images.plate_file import read_plate
 from lightdepth.images.radiance import read_radiance, write_radiance
 from tests.images.exr_bytes import uncompressed_exr
 
@@ -68,6 +71,25 @@ def test_transparent_pixels_are_named_where_nothing_is_behind(tmp_path):
     write_exr(tmp_path / "empty.exr", [ExrPart({name: plane * alpha for name, plane in filled.items()})])
     with pytest.warns(InputWarning, match="empty.exr: 25 % of its pixels are transparent"):
         read_radiance(tmp_path / "empty.exr")
+
+
+def test_pixels_that_are_not_square_or_opaque_are_named(tmp_path):
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(1.0), "", {"pixelAspectRatio": 2.0})])
+    with pytest.warns(InputWarning, match="states pixels 2 times as wide as high"):
+        read_radiance(tmp_path / "x.exr")
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(1.0) | {"A": np.full(SIZE, 0.5, np.float32)})])
+    with pytest.warns(InputWarning, match="100 % of its pixels are partly transparent"):
+        read_radiance(tmp_path / "x.exr")
+
+
+def test_the_y_of_a_vector_is_no_luminance(tmp_path):
+    write_exr(tmp_path / "x.exr", [ExrPart(grey(1.0, "XYZ"))])
+    with pytest.raises(InputError, match="has channels X, Y, Z; R, G and B, or Y, are needed"):
+        read_radiance(tmp_path / "x.exr")
+    write_exr(
+        tmp_path / "x.exr", [ExrPart({f"P.{axis}": np.ones(SIZE, np.float32) for axis in "XYZ"} | grey(3.0, "Y"))]
+    )
+    assert (read_radiance(tmp_path / "x.exr") == 3.0).all()
 
 
 def test_overscan_is_cut_to_the_display_window(reference):
@@ -191,6 +213,17 @@ def test_content_decides_what_a_file_is(tmp_path, wrong):
         assert (read_radiance(tmp_path / wrong) == 3.0).all()
 
 
+@pytest.mark.parametrize("wrong", ["x.jpg", "x.pic"])
+def test_content_decides_for_panoramas_plates_and_pictures(tmp_path, wrong):
+    write_radiance(tmp_path / "x.hdr", np.full((8, 16, 3), 3.0, np.float32))
+    (tmp_path / "x.hdr").rename(tmp_path / wrong)
+    for read in (read_panorama, read_plate, read_picture):
+        with pytest.warns(InputWarning, match=rf"{wrong}: is read as .hdr, which it is by its content"):
+            found = read(tmp_path / wrong)
+        shape = found.pixels.shape if read is read_picture else getattr(found, "radiance", found).shape
+        assert shape == (8, 16, 3)
+
+
 def radiance_file(path, header, pixels, size=b"-Y 8 +X 16"):
     """A flat file from mantissas and exponents of shape (rows, columns, 4)."""
     path.write_bytes(b"#?RADIANCE\n" + header + b"FORMAT=32-bit_rle_rgbe\n\n" + size + b"\n" + pixels.tobytes())
@@ -259,10 +292,26 @@ def test_old_run_lengths_of_several_digits(tmp_path):
     np.testing.assert_array_equal(radiance[300], np.array([50, 60, 200]) / 128)
 
 
-def test_gamma_is_named(tmp_path):
-    radiance_file(tmp_path / "x.hdr", b"GAMMA=2.2\n", mantissas())
-    with pytest.warns(InputWarning, match="GAMMA=2.2 in its header is not applied"):
-        read_radiance(tmp_path / "x.hdr")
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("GAMMA=2.2", "GAMMA=2.2 in its header is not applied"),
+        ("PIXASPECT=2.0", "PIXASPECT=2.0 in its header is not applied: its pixels are taken to be square"),
+        ("VIEW= -vtv -vh 45 -vv 45", "'VIEW=-vtv -vh 45 -vv 45' in its header is not applied"),
+        ("COLORSPACE=ACEScg", "'COLORSPACE=ACEScg' in its header is not applied"),
+        ("EXPOSURE = 2", "'EXPOSURE =2' in its header is not applied"),
+        (" EXPOSURE=2", "'EXPOSURE=2' is indented in its header"),
+        ("FORMAT=32-bit_rle_xyze", "states several formats; the first counts"),
+    ],
+)
+def test_lines_of_the_header_that_are_not_applied_are_named(tmp_path, line, message):
+    radiance_file(
+        tmp_path / "plain.hdr", b"SOFTWARE=PTGui\nPIXASPECT=1.0\nEXPOSURE=1\n\tEXPOSURE=7\nrpict -vta\n", mantissas()
+    )
+    plain = read_radiance(tmp_path / "plain.hdr")
+    radiance_file(tmp_path / "x.hdr", b"FORMAT=32-bit_rle_rgbe\n" + line.encode() + b"\n", mantissas())
+    with pytest.warns(InputWarning, match=message):
+        np.testing.assert_array_equal(read_radiance(tmp_path / "x.hdr"), plain)
 
 
 def test_a_header_that_claims_too_much_is_refused_before_memory_is_taken(tmp_path):

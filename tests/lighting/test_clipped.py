@@ -15,7 +15,7 @@ from lightdepth.lighting.clipped import recover_clipped, solve_gains
 from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.scene.lights.clipped import ClippedSource, unclipped
-from lightdepth.scene.model import Panorama, RealSurface, Role, Scene
+from lightdepth.scene.model import Panorama, RealSurface, Role, Scene, SunLight
 
 WIDTH = 512
 TIMES_THE_MEAN = (1.0, 4.0, 64.0)
@@ -77,19 +77,24 @@ def test_clicked_pairs_tell_the_court_s_sun(court):
     np.testing.assert_allclose(found.irradiance, irradiance, rtol=0.10)
 
 
-def test_a_shadow_whose_caster_is_not_modelled_has_none_of_the_clipped_light():
-    """A plain under an even sky and a sun of 5 degrees; what throws the shadow at one place is small and not modelled."""
+@pytest.mark.parametrize("second", [0.0, 3.0])
+def test_a_shadow_whose_caster_is_not_modelled_has_none_of_the_clipped_light(second):
+    """A plain under an even sky and a sun of 12 degrees; what throws the shadow at one place is small and not modelled.
+
+    A second sun that the scene declares lights both places, and is no light that the first one lost.
+    """
     directions, angles = pixel_directions(64, 128), pixel_solid_angles(64, 128)[:, None]
     disc = directions @ np.array([0.0, np.sqrt(0.5), np.sqrt(0.5)]) > np.cos(np.radians(6.0))
     sky, sun = np.float32(1.0), np.float32(200.0)
     of_sun = sun * float((angles * disc * directions[..., 2].clip(0.0)).sum())
-    ground = 0.3 / np.pi * (np.pi * sky + of_sun)
-    radiance = np.where(directions[..., 2] > 0.0, sky, ground).astype(np.float32)
+    shade = 0.3 / np.pi * (np.pi * sky + second)
+    radiance = np.where(directions[..., 2] > 0.0, sky, shade + 0.3 / np.pi * of_sun).astype(np.float32)
     radiance[disc] = 40.0
-    radiance[48:53, 30:35] = 0.3 * sky
+    radiance[48:53, 30:35] = shade
     plain = RealSurface("plain", rectangle((-300.0, -300.0, 0.0), (600.0, 0.0, 0.0), (0.0, 600.0, 0.0)), Role.SUPPORT)
     panorama = Panorama(np.repeat(radiance[..., None], 3, axis=2), np.array([0.0, 0.0, 1.6]), np.eye(3), sky=True)
-    found = recover_clipped(Scene(panorama, (plain,)), pairs=["70.5,50.5 32.5,50.5"])[0]
+    declared = (SunLight("second", np.array([0.0, 0.0, 1.0]), 0.53, np.full(3, second)),) if second else ()
+    found = recover_clipped(Scene(panorama, (plain,), lights=declared), pairs=["70.5,50.5 32.5,50.5"])[0]
     np.testing.assert_allclose(found.irradiance, of_sun * np.sqrt(2.0), rtol=0.05)
 
 
@@ -178,6 +183,12 @@ def test_bad_clicks_are_refused_in_words(grass, option, text, words):
         recover_clipped(clipped(grass, 8.0), **{option: [text]})
 
 
+def test_clicks_that_contradict_each_other_are_named(grass):
+    """Two places of one meadow, of which one is said to be ten times as dark as the other."""
+    with pytest.raises(InputError, match=r"--grey: the clicks contradict each other: by number 1 .* by number 2"):
+        recover_clipped(clipped(grass, 8.0), grey=["500.5,380.5 0.3", "300.5,400.5 0.03"])
+
+
 def test_a_disc_gets_its_solid_angle_wherever_it_is():
     radiance = np.full((64, 128, 3), 1.0, np.float32)
     angles = pixel_solid_angles(64, 128)[:, None]
@@ -232,6 +243,9 @@ def test_a_lamp_and_a_window_are_recovered_from_how_their_light_falls_off():
     for each in found:
         true = (whole.radiance * (angles * each.plateau.pixels)[..., None]).sum(axis=(0, 1))
         np.testing.assert_allclose(each.irradiance, true, rtol=0.12)
+    wrong = f"{grey[3].split()[0]} {' '.join(str(0.15 * value) for value in albedo)}"
+    with pytest.raises(InputError, match=r"contradict each other: .* number 4 would have \d+(\.\d+)? times the albedo"):
+        recover_clipped(cut, grey=[*grey[:3], wrong])
 
 
 def test_sources_that_no_place_tells_apart_share_a_gain():

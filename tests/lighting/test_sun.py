@@ -71,13 +71,16 @@ def test_a_clicked_outline_and_a_place_in_the_sun_agree_with_the_search(barred_s
 def test_bars_that_are_not_modelled_are_in_the_mask(without_bars, barred, true_direction):
     sun = recover_sun(without_bars)
     np.testing.assert_allclose(sun.irradiance.value, barred.sun().irradiance, rtol=0.05)
-    mask = recover_mask(without_bars, sun.light())
+    # Too weak a sun of another colour is one whose lit places are too bright: all of the patch says so.
+    weak = replace(sun.light(), irradiance=np.array([0.5, 0.6, 0.7]) * sun.irradiance.value)
+    mask = recover_mask(without_bars, weak)
+    np.testing.assert_allclose(mask.irradiance, barred.sun().irradiance, rtol=0.05)
     left, bottom, right, top = mask.extent
     axes = np.stack(sun_axes(sun.direction))
 
     def around(*point, reach):
         u, v = axes @ np.array(point)
-        rows, columns = mask.transmittance.shape
+        rows, columns, _ = mask.transmittance.shape
         row, column = int((top - v) / (top - bottom) * rows), int((u - left) / (right - left) * columns)
         return mask.transmittance[row - reach : row + reach + 1, column - reach : column + reach + 1]
 

@@ -138,15 +138,18 @@ def test_half_of_the_disc_lights_the_middle_of_the_penumbra():
 
 
 def test_light_paths_are_shared_by_what_stands_out_of_the_photograph():
-    """Half of the sphere is three times as bright as the other: a quarter of its light lies above the mean."""
+    """Half of the sphere is three times as bright as the other: a quarter of its light lies above the mean.
+
+    Photograph and sun are weighed by the squares of one quarter and three quarters.
+    """
     image = np.ones((32, 64, 3), np.float32)
     image[:16] = 3.0
     scene = black_room()
     place = place_of(replace(scene, panorama=replace(scene.panorama, radiance=image)))
     assert place.standing_out == pytest.approx(0.25, abs=1e-6)
-    np.testing.assert_allclose(place.path_shares, [0.25, 0.75], atol=1e-6)
+    np.testing.assert_allclose(place.path_shares, [0.1, 0.9], atol=1e-6)
     even = place_of(replace(scene, panorama=replace(scene.panorama, radiance=np.ones_like(image))))
-    np.testing.assert_allclose(even.path_shares, [0.05, 0.95])
+    np.testing.assert_allclose(even.path_shares, [0.0, 1.0])
 
 
 def test_a_mask_holds_back_its_share():

@@ -8,6 +8,7 @@ from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.reconstruction.coverage import measure_coverage
 from lightdepth.reconstruction.depth_image import read_depth_image
+from lightdepth.reconstruction.floor import Plane, warn_of_height
 from lightdepth.reconstruction.from_estimate import surfaces_from_estimate
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.reconstruction.posed_panorama import PosedPanorama, check_same_size
@@ -37,6 +38,28 @@ def test_one_distance_everywhere_is_no_place(tmp_path):
     np.save(tmp_path / "depth.npy", depth)
     with pytest.raises(InputError, match=r"all its distances are 2.5 m"):
         read_depth_image(tmp_path / "depth.npy")
+
+
+def test_much_that_was_not_measured_and_a_mark_for_sky_are_named(tmp_path):
+    depth = np.linspace(1.0, 3.0, 16 * 32).reshape(16, 32).astype(np.float32)
+    depth[:6] = -1.0
+    np.save(tmp_path / "depth.npy", depth)
+    with pytest.warns(InputWarning, match=r"31 % of all directions were not measured.*give --sky"):
+        read_depth_image(tmp_path / "depth.npy")
+    read_depth_image(tmp_path / "depth.npy", sky=True)
+    depth[:6] = 1e6  # Millimetres.
+    np.save(tmp_path / "depth.npy", depth)
+    with pytest.warns(InputWarning, match=r"192 pixels have the same distance, 1000.*--sky-beyond"):
+        read_depth_image(tmp_path / "depth.npy", scale=0.001)
+
+
+@pytest.mark.parametrize(("units", "name"), [(3.281, "feet"), (100.0, "centimetres"), (1000.0, "millimetres")])
+def test_a_floor_in_other_units_is_named(units, name):
+    floor = Plane(np.array([0.0, 0.0, 1.0]), 1.6 - 1.6 * units, 0.3)
+    with pytest.warns(InputWarning, match=rf"1.6 m above the origin; if the file is in {name}, --scale 0.\d+"):
+        warn_of_height(FILE, floor, LEVEL)
+    for offset in (0.0, -1.0, 0.7):
+        warn_of_height(FILE, Plane(floor.normal, offset, 0.3), LEVEL)
 
 
 def test_sky_in_an_estimate_is_closed_with_a_warning_or_declared():

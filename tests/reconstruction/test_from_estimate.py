@@ -59,9 +59,9 @@ def test_floor_and_walls_are_where_they_are(found):
     distances = 1.0 / np.linalg.norm(planes, axis=1)
     places = CAPTURE + planes * distances[:, None] ** 2
     for axis, side in ((0, 0), (0, 1), (1, 0), (1, 1), (2, 1)):
-        toward = planes[:, axis] * (2 * side - 1) * distances
-        plane = int(np.argmax(toward))
-        assert toward[plane] > np.cos(np.radians(1.5))
+        # The cupboard's front faces the same way as the wall behind it, which is the farther of the two.
+        facing = np.flatnonzero(planes[:, axis] * (2 * side - 1) * distances > np.cos(np.radians(1.5)))
+        plane = facing[np.argmax(distances[facing])]
         wanted = abs(ROOM[side][axis] - CAPTURE[axis])
         assert abs(places[plane, axis] - ROOM[side][axis]) < 0.03 * wanted
 

@@ -1,12 +1,14 @@
 """Closed surfaces from point clouds of a room that is known exactly."""
 
+import struct
+
 import laspy
 import numpy as np
 import pye57
 import pytest
 import trimesh
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, InputWarning
 from lightdepth.reconstruction.cleaning import smoothed, thinned, without_outliers
 from lightdepth.reconstruction.coverage import measure_coverage
 from lightdepth.reconstruction.from_points import surfaces_from_points
@@ -55,10 +57,13 @@ def test_what_the_file_tells_of_the_normals_counts():
     np.testing.assert_allclose(normals, np.tile([0.0, 0.0, -1.0], (2_000, 1)), atol=1e-9)
 
 
-def write_las(path, points):
-    las = laspy.create(point_format=0, file_version="1.2")
+def write_las(path, points, classes=0, system=None):
+    las = laspy.create(point_format=6 if system else 0, file_version="1.4" if system else "1.2")
+    if system is not None:
+        las.header.vlrs.append(laspy.vlrs.known.WktCoordinateSystemVlr(system))
     las.header.scales, las.header.offsets = [1e-4] * 3, points.mean(axis=0)
     las.x, las.y, las.z = points.T
+    las.classification[:] = classes
     las.write(str(path))
 
 
@@ -93,6 +98,34 @@ def test_every_format_is_read(name, tmp_path, scan):
     np.testing.assert_allclose(cloud.points, scan[:500], atol=2e-4)
     if name.endswith("e57"):  # It tells where the scanner stood.
         np.testing.assert_allclose(cloud.toward_air, CAPTURE - scan[:500], atol=2e-4)
+
+
+def test_a_table_of_too_many_chunks_is_refused(tmp_path, scan):
+    """The library would take memory for all of them and end the process."""
+    path = tmp_path / "cloud.laz"
+    write_las(path, scan[:500])
+    content = bytearray(path.read_bytes())
+    (points_at,) = struct.unpack_from("<I", content, 96)
+    (table,) = struct.unpack_from("<q", content, points_at)
+    struct.pack_into("<I", content, table + 4, 2**32 - 2)
+    path.write_bytes(content)
+    with pytest.raises(InputError, match="its table claims 4294967294 chunks"):
+        read_points(path)
+
+
+def test_noise_and_units_of_las_files_are_heeded(tmp_path, scan):
+    classes = np.where(np.arange(300) % 3 == 0, 7, 2)
+    write_las(tmp_path / "noise.las", scan[:300], classes)
+    with pytest.warns(InputWarning, match="100 points are marked as noise or withheld"):
+        assert len(read_points(tmp_path / "noise.las").points) == 200
+    feet = 'PROJCS["x",GEOGCS["y",UNIT["degree",0.0174532925]],UNIT["US survey foot",0.3048006096012192]]'
+    write_las(tmp_path / "feet.las", scan[:300], system=feet)
+    with pytest.warns(InputWarning, match=r"its unit is 0.304801 m, .*--scale 0.304801"):
+        read_points(tmp_path / "feet.las")
+    read_points(tmp_path / "feet.las", scale=0.3048)
+    write_las(tmp_path / "degrees.las", scan[:300], system=feet[feet.index("GEOGCS") : feet.index(',UNIT["US')])
+    with pytest.raises(InputError, match="its coordinates are degrees"):
+        read_points(tmp_path / "degrees.las")
 
 
 def test_normals_in_a_ply_file_are_read(tmp_path):

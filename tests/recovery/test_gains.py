@@ -10,6 +10,7 @@ from lightdepth.kernel.start import start
 
 start("cpu")
 
+from lightdepth.parameters import BalanceParameters  # noqa: E402
 from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
 from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
 from lightdepth.recovery.gains import solve_gains  # noqa: E402
@@ -71,3 +72,4 @@ def test_what_shares_nothing_or_contradicts_is_named(surfaces, first, second):
     turned = replace(other, radiance=np.roll(other.radiance, 90, axis=1), balanced=False)
     message = str(solve_gains([other, turned], surfaces).problem)
     assert "which no gain explains; is its pose right" in message
+    assert solve_gains([other, turned], surfaces, BalanceParameters(too_far=1e9)).problem is None

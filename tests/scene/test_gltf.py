@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.radiance import write_radiance
 from lightdepth.scene.materials import Principled
 from lightdepth.scene.meshes import read_mesh_file
@@ -57,6 +57,11 @@ def surface(**settings):
     matte = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
     extensions = {**MATTE, **settings.pop("extensions", {})}
     return {"pbrMetallicRoughness": {**matte, **settings.pop("pbr", {})}, "extensions": extensions, **settings}
+
+
+def strided(stride):
+    views = gltf_document()["bufferViews"]
+    return [{**view, "byteStride": stride} if index == 1 else view for index, view in enumerate(views)]
 
 
 def test_y_up_becomes_z_up(parts_of):
@@ -308,11 +313,47 @@ def test_back_faces_are_seen(look):
         ({"buffers": [{"byteLength": 3, "uri": "gone.bin"}]}, "names the file gone.bin, which does not exist"),
         ({"nodes": [{}]}, "has no triangles"),
         ({"accessors": []}, "names accessor 1, but the file has 0 of them"),
+        ({"asset": {"version": "2.1", "minVersion": "2.1"}}, "needs a reader of glTF 2.1"),
+        (
+            {"nodes": [{"mesh": 0, "matrix": [1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}]},
+            "it must be 0, 0, 0, 1",
+        ),
+        ({"bufferViews": strided(8)}, r"has elements every 8 bytes \(byteStride\), but those of accessor 1 have 12"),
     ],
 )
 def test_broken_files_say_what_is_wrong(parts_of, change, message):
     with pytest.raises(InputError, match=message):
         parts_of({**gltf_document(), **change})
+
+
+def test_what_is_not_declared_or_has_no_counterpart_is_named(parts_of):
+    def morphed(weights, *targets):
+        document = gltf_document(nodes=[{"mesh": 0, "weights": weights}])
+        accessor = document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+        document["meshes"][0]["primitives"][0]["targets"] = [dict.fromkeys(names, accessor) for names in targets]
+        return document
+
+    sheen = surface(extensions={"KHR_materials_sheen": {"sheenColorFactor": [1, 0, 0]}})
+    bright = gltf_document({**QUAD, "COLOR_0": np.full((4, 3), 2.0, np.float32)})
+    for document, message in (
+        (gltf_document(material=sheen), r"KHR_materials_sheen is left out \(sheen\)"),
+        (
+            gltf_document(nodes=[{"mesh": 0, "matrix": np.eye(4).ravel().tolist(), "scale": [2, 2, 2]}]),
+            "only the matrix counts",
+        ),
+        (morphed([1.0, 1.0], ["POSITION"]), "has 2 weights and 1 morph targets"),
+        (morphed([1.0], ["POSITION", "COLOR_0"]), "its morph targets of COLOR_0 are left out"),
+        (bright, "vertex colours above 1 are cut off"),
+    ):
+        with pytest.warns(InputWarning, match=message):
+            parts_of(document)
+
+
+def test_colours_in_whole_numbers_are_shares(parts_of):
+    document = gltf_document({**QUAD, "COLOR_0": np.full((4, 3), 51, np.uint8)})
+    for accessor in document["accessors"]:
+        accessor.pop("normalized", None)
+    np.testing.assert_allclose(parts_of(document)[0].mesh.colors, 0.2, rtol=1e-6)
 
 
 def test_cut_off_glb(tmp_path):

@@ -62,7 +62,10 @@ def test_binary_ply_in_both_byte_orders_with_elements_in_any_order(read, order):
     assert area(part) == pytest.approx(1.5)
     a, b, c = (part.mesh.vertices[part.mesh.faces[:, i]] for i in range(3))
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
-    assert notes == []
+    assert notes == [
+        "its 2 elements 'odd' are left out",
+        "properties of its elements 'vertex' are left out: q",
+    ]
     for cut in (1, 40, 150):
         with pytest.raises(InputError, match="cut off"):
             read("b.ply", (header.encode() + body + rows.tobytes())[:-cut])
@@ -428,3 +431,36 @@ def test_damaged_accessors_are_described(read, change, message):
     document["accessors"][0] |= change
     with pytest.raises(InputError, match=message):
         read("a.gltf", document)
+
+
+def test_what_ply_and_stl_hold_beside_is_named(read):
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    header += "property float quality\nelement face 1\nproperty list uchar int vertex_indices\n"
+    rows = "0 0 0 1\n1 0 0 1\n0 1 0 1\n"
+    facet = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+    edge = "element edge 1\nproperty int vertex1\nproperty int vertex2\n"
+    for name, content, expected in (
+        ("a.ply", f"{header}end_header\n{rows}3 0 1 2\n", []),
+        (
+            "a.ply",
+            f"{header}property int material_index\nend_header\n{rows}3 0 1 2 5\n",
+            ["'face' are left out: material_index"],
+        ),
+        ("a.ply", f"{header}{edge}end_header\n{rows}3 0 1 2\n0 1\nmore\n", ["its 1 elements 'edge'", "1 lines behind"]),
+        ("a.stl", f"solid a\n{facet}endfacet\nendsolid a\n", []),
+        ("a.stl", f"solid a\n{facet}color 1 0 0\nendfacet\nendsolid a\n", ["lines that begin with color are left out"]),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n#MRGB ff0000ffff00ff00ff0000ff\nf 1 2 3\n", ["ZBrush"]),
+    ):
+        _, notes = read(name, content)
+        assert len(notes) == len(expected)
+        assert all(words in note for words, note in zip(expected, notes, strict=True)), notes
+
+
+@pytest.mark.parametrize(("name", "encoding"), [("\u8868", "shift_jis"), ("\u529f", "big5"), ("\u4e9d", "gb18030")])
+def test_letters_whose_bytes_mean_other_things_alone_are_names(read, tmp_path, name, encoding):
+    """Their second bytes are a backslash, or end a line by Unicode's rules."""
+    (tmp_path / "m.mtl").write_bytes(f"newmtl {name}\nKd 0.5 0.25 0.125\n".encode(encoding))
+    obj = f"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl {name}\nf 1 2 3\n".encode(encoding)
+    (part,), notes = read("a.obj", obj)
+    assert notes == []
+    assert part.material.base_color == (0.5, 0.25, 0.125)

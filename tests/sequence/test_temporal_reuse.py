@@ -18,6 +18,7 @@ from lightdepth.errors import InputError  # noqa: E402
 from lightdepth.film.frame import Frame  # noqa: E402
 from lightdepth.film.frame_file import load_frame, saved_facts  # noqa: E402
 from lightdepth.images.exr import read_exr  # noqa: E402
+from lightdepth.parameters.reuse import ReuseParameters  # noqa: E402
 from lightdepth.preparation.place import forget_places  # noqa: E402
 from lightdepth.scene.frames import SceneFrames  # noqa: E402
 from lightdepth.scene.model import CameraView  # noqa: E402
@@ -117,6 +118,8 @@ def test_noise_and_its_estimate_fall_with_the_frames():
     ]
     one, many = frames[4].frame, shared(frames, 4)
     inner = (slice(8, 40), slice(8, 56))
+    apart = replace(frames[4], tuned=ReuseParameters(same_normal=1.0))  # No cosine exceeds 1.
+    np.testing.assert_allclose(reuse(one, apart, (frames[:4][::-1],)).variance, one.variance, rtol=1e-5)
     error = (many.change / many.plate)[inner] + 0.3
     assert np.sqrt(np.square(error).mean()) < 0.2 / 3 * 1.05
     assert many.variance[inner].sum() == pytest.approx(one.variance[inner].sum() / 9, rel=0.05)

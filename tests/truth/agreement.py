@@ -19,6 +19,12 @@ from lightdepth.scene.model import Scene
 
 CHANGED = 0.01
 """Relative change from which a pixel counts as influenced."""
+FIRST_SEED = 5
+"""Of the renderings that are compared."""
+PIXELS_SEED = 1005
+"""Of the one by which pixels are chosen."""
+MOST_SAMPLES = 256
+"""Of that one."""
 OUTPUT = Path(__file__).parents[2] / "test-output"
 SIGNIFICANCE = 0.01
 """Of the Z-tests of all pixels together (Sidak's correction), as Mitsuba's own image tests have it."""
@@ -26,13 +32,18 @@ SIGNIFICANCE = 0.01
 
 @dataclass(frozen=True)
 class Size:
-    """How much an agreement test spends: widths in pixels, samples a pixel."""
+    """How much an agreement test spends: widths in pixels, samples a pixel.
+
+    Light lists and the radiance cache give all pixels of a rendering an error in common, which the variances of its pixels
+    do not tell: several seeds do.
+    """
 
     photograph: int
     photograph_samples: int
     width: int
     truth_samples: int
     samples: int
+    seeds: int = 1
 
 
 @dataclass(frozen=True)
@@ -41,9 +52,10 @@ class Agreement:
 
     Attributes:
         signed: mean signed error over mean radiance.
-        signed_error: standard error of ``signed``, from the variances of both images.
+        signed_error: standard error of ``signed``: the truth's from its variance, the renderings' from how they differ, or
+            from its variance where there is one alone.
         passed: share of pixels whose channels all pass the Z-test.
-        image: the rendering, composited into the path-traced empty place.
+        image: the mean of the renderings, composited into the path-traced empty place.
         reference: the truth.
     """
 
@@ -65,18 +77,24 @@ def compare(place: Place, camera: str, method: str, size: Size) -> Agreement:
     scene = place.scene(size.photograph, size.photograph_samples)
     scene = replace(scene, cameras={camera: place.camera(camera, size.width)})
     scene = replace(scene, render=replace(scene.render, max_bounces=32))
-    frame = lightdepth.render(scene, camera=camera, samples=size.samples, method=method, seed=5)
-    image = empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
     full = replace(full, variance=full.variance + empty.variance)
-    influenced = _influenced(scene, camera, size.samples)
-    variance = full.variance + frame.variance
-    error = (image - full.mean)[influenced]
+    influenced = _influenced(scene, camera, min(size.samples * size.seeds, MOST_SAMPLES))
     total = full.mean[influenced].sum()
-    z = np.abs(error) / np.sqrt(np.maximum(variance[influenced], 1e-20))
+    image, own, signed = np.zeros_like(full.mean), np.zeros_like(full.variance), []
+    for seed in range(FIRST_SEED, FIRST_SEED + size.seeds):
+        frame = lightdepth.render(scene, camera=camera, samples=size.samples, method=method, seed=seed)
+        one = empty.mean * (1.0 - frame.coverage[..., None]) + frame.change + frame.synthetic
+        image += one / size.seeds
+        own += frame.variance / size.seeds**2
+        signed.append(float((one - full.mean)[influenced].sum() / total))
+    error = (image - full.mean)[influenced]
+    z = np.abs(error) / np.sqrt(np.maximum((full.variance + own)[influenced], 1e-20))
     allowed = norm.isf(0.5 * (1.0 - (1.0 - SIGNIFICANCE) ** (1.0 / z.size)))
+    known = full.variance + (own if size.seeds == 1 else 0.0)
+    between = 0.0 if size.seeds == 1 else np.var(signed, ddof=1) / size.seeds
     return Agreement(
-        float(error.sum() / total),
-        float(np.sqrt(variance[influenced].sum()) / total),
+        float(np.mean(signed)),
+        float(np.sqrt(known[influenced].sum() / total**2 + between)),
         float((z < allowed).all(axis=-1).mean()),
         image,
         full.mean,
@@ -86,10 +104,10 @@ def compare(place: Place, camera: str, method: str, size: Size) -> Agreement:
 def _influenced(scene: Scene, camera: str, samples: int) -> NDArray[np.bool_]:
     """Pixels that the objects cover, or change by more than ``CHANGED``, shape (height, width).
 
-    Told by a rendering with a seed of its own: pixels chosen by what the compared images show would be those where their
+    By a rendering with a seed of its own: pixels chosen by what the compared images show would be those where their
     noise happens to be large, which biases the mean error.
     """
-    frame = lightdepth.render(scene, camera=camera, samples=samples, seed=6)
+    frame = lightdepth.render(scene, camera=camera, samples=samples, seed=PIXELS_SEED)
     change = np.abs(frame.change).mean(axis=-1)
     return (frame.coverage > 0.0) | (change > CHANGED * frame.plate.mean(axis=-1))
 

@@ -91,7 +91,7 @@ def _without_noise(brightness: NDArray[np.float32]) -> NDArray[np.float32]:
     margin = 16
     around = np.pad(np.rint(brightness * 255.0).astype(np.uint8), ((0, 0), (margin, margin)), mode="wrap")
     clean = cv2.fastNlMeansDenoising(around, None, STRENGTH * noise, 5, 21)
-    return np.asarray(clean[:, margin:-margin], np.float32) / np.float32(255.0)
+    return np.divide(clean[:, margin:-margin], np.float32(255.0), dtype=np.float32)
 
 
 def sample_panorama(image: NDArray[np.float32], directions: FloatArray) -> NDArray[np.float32]:

@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+import re
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from pathlib import Path
 
 from lightdepth.capture.exposure import Exposure, read_exposures
-from lightdepth.capture.photograph import PHOTOGRAPHS
+from lightdepth.capture.photograph import OTHER_PICTURES, PHOTOGRAPHS
 from lightdepth.errors import InputError, warn
 
 Bracket = list[tuple[Path, Exposure]]
 
+_NUMBERS = re.compile(r"([^0-9]*)([0-9]*)")
+
 SAME = 0.1
 """Exposures that differ by less, in stops, are the same."""
+
+
+LEAST_STEP = 0.9
+"""Stops that a bracket spans at least where no exposure comes again."""
 
 
 def brackets_in_folder(folder: Path, table: Path | None = None, size: int | None = None) -> list[Bracket]:
@@ -28,10 +37,17 @@ def brackets_in_folder(folder: Path, table: Path | None = None, size: int | None
     Raises:
         InputError: there are no photographs, or their number is no multiple of ``size``.
     """
-    inner = [path for path in sorted(folder.iterdir()) if path.is_dir() and _photographs(path)]
-    if inner:
-        return [_in_order(_photographs(path), table) for path in inner]
-    photographs = _in_order(_photographs(folder), table)
+    folders = in_order(path for path in folder.iterdir() if path.is_dir() and not path.name.startswith("."))
+    inside = {path: _photographs(path) for path in folders}
+    here = _photographs(folder)
+    if any(inside.values()):
+        if here:
+            raise InputError(
+                f"{folder}: holds photographs, such as {here[0].name}, and folders of them, such as "
+                f"{next(path.name for path, inner in inside.items() if inner)}; allowed are either"
+            )
+        return [_by_time(inner, table) for inner in inside.values() if inner]
+    photographs = _by_time(here, table)
     if not photographs:
         raise InputError(f"{folder}: holds no photographs; allowed are {', '.join(PHOTOGRAPHS)}")
     if size is not None:
@@ -45,10 +61,11 @@ def group_by_exposure(photographs: Sequence[tuple[Path, Exposure]]) -> list[Brac
     """Split a sequence of photographs into brackets.
 
     Where the sequence of exposures comes again and again, its period is the bracket, whose exposures may repeat; the
-    last one may lack some. Otherwise a bracket begins where an exposure occurs that the present one has already; where
+    last one may lack some. So it is where only the steps between the exposures come again, as with a camera that meters
+    each bracket for itself. Otherwise a bracket begins where an exposure occurs that the present one has already; where
     that gives no groups of (almost) the same exposures, every photograph stands alone, with a warning.
     """
-    period = _period(photographs)
+    period = _period(photographs) or _period_of_steps(photographs)
     if period is not None:
         return [list(photographs[start : start + period]) for start in range(0, len(photographs), period)]
     groups: list[Bracket] = []
@@ -82,6 +99,24 @@ def _period(photographs: Sequence[tuple[Path, Exposure]]) -> int | None:
     return None
 
 
+def _period_of_steps(photographs: Sequence[tuple[Path, Exposure]]) -> int | None:
+    """After how many photographs the steps in exposure come again, from about where they began."""
+    stops = [math.log2(exposure.amount) for _, exposure in photographs]
+    steps = [after - before for before, after in pairwise(stops)]
+    for period in range(2, len(stops) // 2 + 1):
+        first = stops[:period]
+        span = max(first) - min(first)
+        within = [index for index in range(len(steps) - period) if index % period != period - 1]
+        begins = [min(stops[start : start + period]) for start in range(0, len(stops) - period + 1, period)]
+        if (
+            span > LEAST_STEP
+            and all(abs(steps[index] - steps[index + period]) < SAME for index in within)
+            and all(abs(begin - begins[0]) < span / 2.0 for begin in begins)  # Else it is one bracket in equal steps.
+        ):
+            return period
+    return None
+
+
 def _same(one: Exposure, other: Exposure) -> bool:
     return 2.0**-SAME < one.amount / other.amount < 2.0**SAME
 
@@ -91,11 +126,29 @@ def _contains(group: Bracket, exposure: Exposure) -> bool:
 
 
 def _photographs(folder: Path) -> list[Path]:
-    return sorted(path for path in folder.iterdir() if path.is_file() and path.suffix.lower() in PHOTOGRAPHS)
+    """The photographs of a folder by name; other pictures are named in a warning."""
+    files = files_of(folder)
+    others = [path.name for path in files if path.suffix.lower() in OTHER_PICTURES]
+    if others:
+        warn(
+            f"{folder}: {len(others)} pictures of other kinds are left out, such as {others[0]}; photographs are "
+            f"{', '.join(PHOTOGRAPHS)}"
+        )
+    return [path for path in files if path.suffix.lower() in PHOTOGRAPHS]
 
 
-def _in_order(paths: list[Path], table: Path | None) -> Bracket:
+def files_of(folder: Path) -> list[Path]:
+    """The files of a folder in order; hidden ones, as macOS keeps beside every file on a card, are left out."""
+    return in_order(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
+
+
+def in_order(paths: Iterable[Path]) -> list[Path]:
+    """Paths by name, as a camera or a person numbers them: 2 before 10."""
+    return sorted(paths, key=lambda path: [(text, int(number or -1)) for text, number in _NUMBERS.findall(path.name)])
+
+
+def _by_time(paths: list[Path], table: Path | None) -> Bracket:
     pairs = list(zip(paths, read_exposures(paths, table), strict=True))
     if all(exposure.taken is not None for _, exposure in pairs):
-        pairs.sort(key=lambda pair: (pair[1].taken, pair[0].name))
+        pairs.sort(key=lambda pair: pair[1].taken or 0.0)  # Those of one second stay in the order of their names.
     return pairs

@@ -6,13 +6,13 @@ import csv
 import logging
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from lightdepth.capture.photograph import is_raw
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 from lightdepth.packages import optional_package
 
 # What dials and EXIF data say, in thirds and halves of a stop.
@@ -24,9 +24,19 @@ _PRINTED_FRACTIONS += [6000, 6400, 8000, 16000, 32000]
 
 UNKNOWN_APERTURE, UNKNOWN_ISO = 1.0, 100.0
 """Stand for what no photograph of a bracket states: a lens without contacts, a camera without a dial."""
+_SENSITIVITIES = (
+    "EXIF ISOSpeedRatings",
+    "EXIF ISOSpeed",
+    "EXIF RecommendedExposureIndex",
+    "EXIF Tag 0x8831",  # Standard output sensitivity.
+)
 OVERFLOW_ISO = 65535
 """What EXIF data say where the sensitivity is larger than they can."""
 LARGEST_ISO = 5e6
+
+
+_ORIENTATIONS = {1: 2, 2: 4, 3: 3, 4: 5, 5: 8, 6: 6, 7: 7}
+"""EXIF orientations by LibRaw's numbers."""
 
 
 @dataclass(frozen=True)
@@ -114,8 +124,8 @@ def _alike(photographs: Sequence[Path], found: Sequence[_Exif]) -> list[Exposure
 
 def _read_exif(path: Path) -> _Exif:
     exif = _from_tags(path)
-    if not exif.time > 0.0 and is_raw(path):
-        exif = _from_libraw(path) or exif
+    if is_raw(path) and not (exif.time > 0.0 and exif.aperture > 0.0 and exif.iso > 0.0):
+        exif = _completed(exif, _from_libraw(path))
     if not exif.time > 0.0:
         raise InputError(
             f"{path}: the EXIF data hold no exposure time; state time, aperture and ISO in a table (--exposures)"
@@ -128,6 +138,15 @@ def _read_exif(path: Path) -> _Exif:
             f"{more}; state time, aperture and ISO in a table (--exposures)"
         )
     return exif
+
+
+def _completed(exif: _Exif, other: _Exif | None) -> _Exif:
+    """What the tags say, and what LibRaw knows where they say nothing."""
+    if other is None:
+        return exif
+    if not exif.time > 0.0:  # No EXIF data at all.
+        return other
+    return replace(exif, aperture=exif.aperture or other.aperture, iso=exif.iso or other.iso)
 
 
 def _from_tags(path: Path) -> _Exif:
@@ -147,7 +166,7 @@ def _from_tags(path: Path) -> _Exif:
     return _Exif(
         time=_number(tags, "EXIF ExposureTime") or (0.0 if shutter is None else 2.0**-shutter),
         aperture=_number(tags, "EXIF FNumber") or (0.0 if aperture is None else 2.0 ** (aperture / 2.0)),
-        iso=_number(tags, "EXIF ISOSpeedRatings") or 0.0,
+        iso=next((iso for name in _SENSITIVITIES if (iso := _number(tags, name)) is not None), 0.0),
         taken=_taken(tags),
         orientation=orientation if 1 <= orientation <= 8 else 1,
         focal_length_35mm=_number(tags, "EXIF FocalLengthIn35mmFilm") or None,
@@ -170,7 +189,7 @@ def _from_libraw(path: Path) -> _Exif | None:
         aperture=other.aperture,
         iso=other.iso_speed,
         taken=(taken.replace(tzinfo=None) - datetime(1970, 1, 1)).total_seconds() if known else None,
-        orientation={3: 3, 5: 8, 6: 6}.get(flip, 1),
+        orientation=_ORIENTATIONS.get(flip, 1),
     )
 
 
@@ -230,13 +249,21 @@ def _read_table(table: Path) -> dict[str, Exposure]:
             f"{table}: the header row has {', '.join(columns) or 'nothing'}; "
             "needed are the columns file and time, allowed are also aperture and iso"
         )
-    rows = {}
+    unknown = [name for name in columns if name and name not in ("file", "time", "aperture", "iso")]
+    if unknown:
+        warn(f"{table}: the columns {', '.join(unknown)} are not read; read are file, time, aperture and iso")
+    rows: dict[str, Exposure] = {}
     for row in reader:
         time, aperture, iso = (
             _positive((row.get(name) or "").strip() or default, f"{table}: line {reader.line_num}: {name}")
             for name, default in (("time", ""), ("aperture", f"{UNKNOWN_APERTURE}"), ("iso", f"{UNKNOWN_ISO}"))
         )
-        rows[Path((row["file"] or "").strip()).name] = Exposure(time, aperture, iso)
+        name, exposure = Path((row["file"] or "").strip().replace("\\", "/")).name, Exposure(time, aperture, iso)
+        if rows.setdefault(name, exposure) != exposure:
+            raise InputError(
+                f"{table}: line {reader.line_num} gives {name} another exposure than a line before; photographs of "
+                "the same name in several folders need other names"
+            )
     return rows
 
 

@@ -16,13 +16,14 @@ from lightdepth.capture.fisheye import Circle, find_circle
 from lightdepth.capture.photograph import (
     Codes,
     WhiteBalance,
+    camera_colours,
     is_raw,
     read_photograph,
     shared_white_balance,
 )
 from lightdepth.capture.recovery import BLACK, WHITE, choose_samples, recover_response, sample_patches, trust
 from lightdepth.capture.response import Response, linear_response, srgb_response
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
 from lightdepth.images.orientation import mirrored_back
 
 Progress = Callable[[str, int, int], None]
@@ -36,7 +37,14 @@ GHOST = 0.05
 
 
 UNLIKE = 1.5
-"""Photographs of one view whose mean brightness differs by more were not exposed alike."""
+"""Photographs of one view whose brightness differs by more were not exposed as is stated."""
+
+CELLS = 32
+"""Width in cells of the small pictures by which the views of a bracket are compared."""
+LEAST_SHARE = 0.12
+"""Of the cells that two photographs must both expose well to be compared."""
+ALIKE, LIKENESS = 0.25, 0.4
+"""By how much the logarithm of a cell's brightness may differ in pictures of one view, and their correlation."""
 
 
 @dataclass(frozen=True)
@@ -126,6 +134,9 @@ def merge(
             is found.
     """
     white_balance = white_balance or shared_white_balance([path for path, _ in bracket])
+    colours = camera_colours(bracket[0][0])
+    if is_raw(bracket[0][0]) and not np.array_equal(response.curves, linear_response().curves):
+        raise InputError(f"{bracket[0][0]}: is RAW, whose readings are linear; a response (--response) is not for it")
     bracket = sorted(bracket, key=lambda pair: pair[1].amount)
     amounts = [exposure.amount for _, exposure in bracket]
     # A fisheye that looks up or down has no upright; the camera's idea of one may change within the bracket.
@@ -175,10 +186,11 @@ def merge(
 
     reference = _reference(len(bracket), readings, tick) if deghost else None
     total: NDArray[np.float32] | None = None
-    brightness = []
+    brightness, views = [], []
     for index, amount in enumerate(amounts):
         radiance, weight = readings(index)
         brightness.append(float(radiance.mean()))
+        views.append(_reduced(radiance, weight))
         if total is None:
             total, weights = np.zeros_like(radiance), np.zeros_like(radiance)
             black = np.ones(radiance.shape[:2], bool)
@@ -201,11 +213,14 @@ def merge(
         weights += weight
         tick("merging")
     _check_exposures(bracket, brightness)
+    _check_views(bracket, views)
     assert total is not None
     clipped: NDArray[np.bool_] = np.asarray(channel_clipped.any(axis=2))
     known = weights > 0.0
     result = np.divide(total, weights, out=total, where=known)
     np.copyto(result, shortest, where=~known)
+    if colours is not None:
+        result = np.maximum(result @ colours.T.astype(np.float32), np.float32(0.0))
     seen = np.ones(clipped.shape, bool)
     if isinstance(circle, Circle):
         left, top, side = circle.box()
@@ -231,6 +246,37 @@ def _check_exposures(bracket: Sequence[tuple[Path, Exposure]], brightness: Seque
             f"{brightness[bright] / max(brightness[dark], 1e-12):.3g} times as bright; state time, aperture and ISO in a "
             "table (--exposures)"
         )
+
+
+def _reduced(radiance: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Logarithm of the radiance of a photograph in a few hundred cells, NaN where it is not well exposed."""
+    height, width = radiance.shape[:2]
+    size = (CELLS, max(1, round(CELLS * height / width)))
+    trusted = cv2.resize(np.asarray(weight.min(axis=2)), size, interpolation=cv2.INTER_AREA) > 0.5
+    brightness = cv2.resize(np.asarray(radiance.mean(axis=2)), size, interpolation=cv2.INTER_AREA)
+    return np.log(np.where(trusted & (brightness > 0.0), brightness, np.nan)).astype(np.float32)
+
+
+def _check_views(bracket: Sequence[tuple[Path, Exposure]], views: Sequence[NDArray[np.float32]]) -> None:
+    """Warn of photographs that show another view than the next longer exposure, or another brightness than it says."""
+    for (path, _), (other, _), one, next_one in zip(bracket, bracket[1:], views, views[1:], strict=False):
+        both = np.isfinite(one) & np.isfinite(next_one)
+        if both.mean() < LEAST_SHARE:
+            continue
+        first, second = one[both], next_one[both]
+        off = float(np.median(first - second))
+        # What moves in a view leaves most of it as it is.
+        if np.mean(abs(first - second - off) < ALIKE) < 0.5 and np.corrcoef(first, second)[0, 1] < LIKENESS:
+            warn(
+                f"{path} and {other.name} hardly show the same view, but are merged as one bracket; if they are several "
+                "orientations, `capture stitch --bracket` states how many photographs each has"
+            )
+        elif abs(off) > np.log(UNLIKE):
+            warn(
+                f"{path} and {other.name}: their brightness differs by {abs(off) / np.log(2.0):.1f} stops from what their "
+                "exposures say; a filter, a flash or wrong EXIF data do this: state time, aperture and ISO in a table "
+                "(--exposures)"
+            )
 
 
 def response_bounds(response: Response, amount: float) -> NDArray[np.float32]:

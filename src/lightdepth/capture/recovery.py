@@ -56,6 +56,10 @@ def sample_patches(photograph: Codes) -> tuple[NDArray[np.float32], NDArray[np.f
     return means, spreads
 
 
+LEAST_RANGE = np.log(1.3)
+"""Logarithm of the greatest over the least exposure from which on a response can be recovered."""
+
+
 def choose_samples(
     patches: Sequence[tuple[NDArray[np.float32], NDArray[np.float32]]], count: int = 2000, seed: int = 0
 ) -> NDArray[np.float32]:
@@ -96,9 +100,11 @@ def recover_response(samples: NDArray[np.float32], exposures: Sequence[float]) -
 
     Returns:
         The response, or None where the samples do not determine it (too few readings that are neither black nor
-        white, or a single exposure).
+        white, or exposures that are alike).
     """
     log_exposures = np.log(np.asarray(exposures, dtype=np.float64))
+    if np.ptp(log_exposures) < LEAST_RANGE:
+        return None
     curves = [_recover_channel(samples[:, :, channel].astype(np.float64), log_exposures) for channel in range(3)]
     known = [curve for curve in curves if curve is not None]
     return normalised(np.array(known)) if len(known) == 3 else None

@@ -36,9 +36,9 @@ def merge_report(merged: Merged, photographs: list[str], amounts: list[float], r
         if merged.circle is None
         else {"x": merged.circle.x, "y": merged.circle.y, "radius": merged.circle.radius},
         "clipped_in_every_exposure": int(merged.clipped.sum()),
-        "clipped_share": float(merged.clipped.sum() / max(merged.seen.sum(), 1)),
+        "clipped_share": float(merged.clipped.sum() / max(int(merged.seen.sum()), 1)),
         "black_in_every_exposure": int(merged.black.sum()),
-        "black_share": float(merged.black.sum() / max(merged.seen.sum(), 1)),
+        "black_share": float(merged.black.sum() / max(int(merged.seen.sum()), 1)),
         "ghost_share": merged.ghosts,
         "orders_of_magnitude": float(np.log10(high / low)),
     }
@@ -68,7 +68,9 @@ def stitch_report(shoot: Shoot, stitched: Stitched) -> dict[str, Any]:
                 "roll": pose.roll,
                 "control_points": int(own.sum()),
                 "control_point_error_degrees": float(np.median(errors[own])) if own.any() else None,
-                "unreliable_share": float((~orientation.reliable & orientation.seen).sum() / orientation.seen.sum()),
+                "unreliable_share": float(
+                    (~orientation.reliable & orientation.seen).sum() / max(orientation.seen.sum(), 1)
+                ),
                 "exposure_correction_stops": float(np.log2(gain).mean()),
                 "colour_correction": (gain / np.exp(np.log(gain).mean())).tolist(),
             }
@@ -91,7 +93,7 @@ def stitch_report(shoot: Shoot, stitched: Stitched) -> dict[str, Any]:
         "exposure": {
             "disagreement_before": stitched.photometry.disagreement_before,
             "disagreement": stitched.photometry.disagreement,
-            "light_at_edge": float(stitched.photometry.falloff(edge.max(keepdims=True))[0]),
+            "light_at_edge": float(stitched.photometry.falloff(edge.max(keepdims=True, initial=0.0))[0]),
         },
         "lens": {
             "projection": lens.projection,

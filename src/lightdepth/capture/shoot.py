@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.capture.brackets import Bracket, brackets_in_folder, group_by_exposure
+from lightdepth.capture.brackets import Bracket, brackets_in_folder, files_of, group_by_exposure
 from lightdepth.capture.exposure import Exposure, read_exposures
 from lightdepth.capture.fisheye import Circle, find_circle
 from lightdepth.capture.merging import Merged, Progress, merge, shared_response
@@ -19,9 +19,9 @@ from lightdepth.capture.photograph import (
     PHOTOGRAPHS,
     Codes,
     WhiteBalance,
-    foreign_profile,
     read_photograph,
     shared_white_balance,
+    unlike_srgb,
 )
 from lightdepth.capture.response import Response
 from lightdepth.capture.stitching import Orientation
@@ -29,9 +29,14 @@ from lightdepth.errors import InputError
 from lightdepth.images.beauty import Beauty, read_beauty
 from lightdepth.images.orientation import mirrored_back
 from lightdepth.images.radiance import READERS, read_radiance
+from lightdepth.quantities import BRIGHTEST
 
 ROLLS = {3: 180.0, 6: 90.0, 8: -90.0}
 """How far the camera was turned about its axis, by EXIF orientation."""
+
+
+NEGATIVE = 0.01
+"""Share of negative pixels from which on they are named; developers leave a few in the dark."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,7 @@ class MergeOptions:
         bracket: photographs in a bracket where the user states it.
         align: undo the movement of a hand-held camera within each bracket.
         deghost: leave out what moved within each bracket.
+        several: more than one orientation is expected.
     """
 
     circle: Circle | str | None = None
@@ -53,6 +59,7 @@ class MergeOptions:
     bracket: int | None = None
     align: bool = False
     deghost: bool = False
+    several: bool = False
 
 
 @dataclass(frozen=True)
@@ -96,8 +103,10 @@ def read_shoot(inputs: Sequence[Path], options: MergeOptions, progress: Progress
         if not path.exists():
             raise InputError(f"{path}: no such file or folder")
     if len(inputs) == 1 and inputs[0].is_dir():
-        hdr = sorted(path for path in inputs[0].iterdir() if is_hdr(path))
+        files = files_of(inputs[0])
+        hdr = [path for path in files if is_hdr(path)]
         if hdr:
+            _check_one_kind(inputs[0], hdr, files)
             return _read_hdr(hdr, options, progress)
         return _merge_all(brackets_in_folder(inputs[0], options.exposures, options.bracket), options, progress)
     folders = [path for path in inputs if path.is_dir()]
@@ -125,6 +134,17 @@ def read_shoot(inputs: Sequence[Path], options: MergeOptions, progress: Progress
     return _merge_all(group_by_exposure(pairs), options, progress)
 
 
+def _check_one_kind(folder: Path, hdr: Sequence[Path], files: Sequence[Path]) -> None:
+    """Refuse a folder of HDR images and photographs; the PNG that is written beside an HDR image is none."""
+    pictures = {path.with_suffix(".png").name for path in hdr}
+    photographs = [path for path in files if path.suffix.lower() in PHOTOGRAPHS and path.name not in pictures]
+    if photographs:
+        raise InputError(
+            f"{folder}: holds HDR images, such as {hdr[0].name}, and photographs, such as {photographs[0].name}; "
+            "allowed are either: name the files, or move the others elsewhere"
+        )
+
+
 def _exposures(photographs: Sequence[Path], table: Path | None) -> list[Exposure]:
     """As :func:`read_exposures`; a single photograph needs none to be right but for one factor on all radiance."""
     try:
@@ -136,15 +156,22 @@ def _exposures(photographs: Sequence[Path], table: Path | None) -> list[Exposure
 
 
 def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Progress) -> Shoot:
+    if options.several and len(brackets) == 1 and len(brackets[0]) > 1:
+        raise InputError(
+            f"{brackets[0][0][0].parent}: the {len(brackets[0])} photographs from {brackets[0][0][0].name} to "
+            f"{brackets[0][-1][0].name} look like one bracket of one orientation, for neither their exposures nor the "
+            "steps between them come again; state how many photographs each orientation has as --bracket (1 where there "
+            "are no brackets)"
+        )
     warnings = []
     sizes = [len(bracket) for bracket in brackets]
     for bracket in brackets:
         if len(bracket) < max(sizes):
             warnings.append(f"{bracket[0][0].name}: its bracket has {len(bracket)} of {max(sizes)} exposures")
     white_balance = shared_white_balance([path for bracket in brackets for path, _ in bracket])
-    profile = foreign_profile(brackets[0][0][0])
-    if profile:
-        warnings.append(f"{brackets[0][0][0].name}: its colour profile '{profile}' is not applied; sRGB is assumed")
+    colours = unlike_srgb([path for bracket in brackets for path, _ in bracket])
+    if colours:
+        warnings.append(colours)
     response, source = options.response, "given"
     if response is None:
         response, source = shared_response(brackets, progress)
@@ -206,9 +233,16 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
         picture = read_beauty(path) if path.suffix.lower() == ".exr" else Beauty(read_radiance(path), None)
         radiance = picture.radiance
         finite: NDArray[np.bool_] = np.asarray(np.isfinite(radiance).all(axis=2))
+        finite &= (np.abs(np.where(finite[..., None], radiance, 0.0)) <= BRIGHTEST).all(axis=2)
         if not finite.all():
             warnings.append(f"{path.name}: {(~finite).sum()} pixels are not finite; they count as not photographed")
             radiance = np.where(finite[..., None], radiance, np.float32(0.0))
+        negative = (radiance < 0.0).any(axis=2)
+        if negative.mean() > NEGATIVE:
+            warnings.append(
+                f"{path.name}: {negative.sum()} pixels are negative, which light cannot be; they are black here"
+            )
+        radiance = np.maximum(radiance, np.float32(0.0))
         pictures.append(
             (radiance, finite if picture.alpha is None else finite & (picture.alpha > 0.5), picture.alpha is None)
         )

@@ -24,6 +24,9 @@ from lightdepth.images.filling import fill, mark
 MATCHING_SIDES = (800, 2000)
 """Control points are looked for in images of at least and at most this size, in pixels."""
 
+SMALLEST = 16
+"""Pixels of an image's shorter side."""
+
 DISTRUST = 0.01
 """Weight of pixels that are clipped or black in every exposure: they count where nothing else does."""
 
@@ -108,13 +111,20 @@ def stitch(
             with how many images and pairs have been looked at, and how many there are.
 
     Raises:
-        InputError: the images are too few, differ in size, or cannot be connected.
+        InputError: the images are too few, too small, black, differ in size, or cannot be connected.
         SetupError: a tool is not installed.
         LightdepthError: a tool failed.
     """
     if len(orientations) < 2:
         raise InputError(f"stitching needs images in two orientations or more; there is {len(orientations)}")
     first = orientations[0]
+    if min(first.radiance.shape[:2]) < SMALLEST:
+        raise InputError(
+            f"{first.name}: is {first.radiance.shape[1]} x {first.radiance.shape[0]} pixels; at least {SMALLEST} each way "
+            "are needed"
+        )
+    if not any((each.reliable & each.seen).any() for each in orientations):
+        raise InputError(f"{first.name} and all others: show no light; are they black, or not finite?")
     for other in orientations:
         if other.radiance.shape != first.radiance.shape:
             raise InputError(

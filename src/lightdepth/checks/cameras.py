@@ -19,7 +19,7 @@ from lightdepth.scene.model import CameraView, Scene
 AROUND = 0.75
 """From this share of directions on that meet an object, a point is inside it."""
 FINER = 3.0
-"""So many times as many pixels to a degree as the photograph has make it visibly soft beside sharp objects."""
+"""Times the photograph's pixels per degree from which on it is visibly soft beside sharp objects."""
 MUCH_UNSEEN = 0.15
 """Share of a camera's view that the capture point did not see from which a word is due."""
 FAR = 0.5

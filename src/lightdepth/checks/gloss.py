@@ -29,7 +29,7 @@ def gloss_problems(scene: Scene) -> list[Problem]:
 
     def place() -> Place:
         traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
-        gains = solve_gains(scene.panoramas, traced).gains
+        gains = solve_gains(scene.panoramas, traced, scene.render.parameters.balance).gains
         tuned = scene.render.parameters.place
         return Place(scene.panoramas, traced, suns=masked_suns(scene), gains=gains, parameters=tuned)
 
@@ -45,7 +45,7 @@ def gloss_problems(scene: Scene) -> list[Problem]:
                     severity,
                     f'[[real]] "{surface.name}": its gloss would mirror more than the photograph shows; '
                     f"only {100.0 * scale:.0f} % of the lobe is used. "
-                    "Lower specular, or mend what stands around it in the model",
+                    "Lower specular, or correct what stands around it in the model",
                 )
             )
     return problems

@@ -87,11 +87,11 @@ def main() -> None:
     """Run the command line; a known problem ends in one message and its exit status, without a traceback."""
     shown_by_python = warnings.showwarning
 
-    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+    def show(message: Warning | str, category: type[Warning], *_: Any, **more: Any) -> None:
         if issubclass(category, InputWarning):
             _console().print(f"[yellow]warning:[/] {_plain(str(message))}")
-        else:
-            shown_by_python(message, category, *place, **more)
+        else:  # Of a package, about what a user can do nothing with.
+            logging.getLogger("lightdepth").info("%s: %s", category.__name__, message)
 
     warnings.showwarning = show
     try:

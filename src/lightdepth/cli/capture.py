@@ -56,15 +56,15 @@ def merge(
     from lightdepth.capture.merging import merge as merge_bracket
     from lightdepth.capture.merging import shared_response
     from lightdepth.capture.output import check_output, write_image
-    from lightdepth.capture.photograph import foreign_profile
+    from lightdepth.capture.photograph import unlike_srgb
     from lightdepth.capture.report import merge_report, write_report
     from lightdepth.capture.response import load_response
     from lightdepth.capture.response import save_response as save
 
     check_output(output, save_response, report)
-    profile = foreign_profile(photographs[0])
-    if profile:
-        warn(f"{photographs[0]}: its colour profile '{profile}' is not applied; sRGB is assumed")
+    colours = unlike_srgb(photographs)
+    if colours:
+        warn(colours)
     bracket = list(zip(photographs, read_exposures(photographs, exposures), strict=True))
     given = load_response(response) if response else None
     with shown_progress() as progress:
@@ -189,6 +189,7 @@ def stitch(
         bracket=bracket,
         align=align,
         deghost=deghost,
+        several=True,
     )
     with shown_progress() as progress:
         shoot = read_shoot(images, merging, progress)

@@ -29,7 +29,7 @@ def deliver(
     numbers: Annotated[
         str | None, typer.Option("--frames", help="Which of the frames, as 1-240 or 7,10-20; all by default.")
     ] = None,
-    step: Annotated[int, typer.Option(min=1, help="Of the frames, every so many-th one.")] = 1,
+    step: Annotated[int, typer.Option(min=1, help="Take only every N-th of the frames.")] = 1,
     exposure: Exposure = 0.0,
     look: Annotated[
         str | None,

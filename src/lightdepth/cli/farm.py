@@ -28,7 +28,7 @@ UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 SceneFile = Annotated[Path, typer.Argument(help="The scene file (TOML), where the machines find it as well.")]
 Frames = Annotated[str, typer.Option(help="Frames to render, as 1-240 or 7,10-20.")]
 Output = Annotated[Path, typer.Option("-o", "--output", help="The frames to write, as shot.####.exr.")]
-Step = Annotated[int, typer.Option(min=1, help="Of --frames, render every so many-th one.")]
+Step = Annotated[int, typer.Option(min=1, help="Render only every N-th of --frames.")]
 Chunk = Annotated[int, typer.Option(min=1, help="Frames that a machine renders at a time.")]
 
 

@@ -84,9 +84,7 @@ def mirror_ball(
     grey_albedo: Annotated[str, typer.Option(help="Of the grey ball: one number or red,green,blue.")] = "0.18",
     sun_diameter: Annotated[
         float | None,
-        typer.Option(
-            min=0.01, max=30.0, help="The strongest clipped source is a disc of so many degrees: 0.53 for the sun."
-        ),
+        typer.Option(min=0.01, max=30.0, help="Diameter of the strongest clipped source in degrees: 0.53 for the sun."),
     ] = None,
     write: Annotated[
         Path | None, typer.Option(help="Put the clipped sources into this scene file; it is begun where it is missing.")

@@ -228,6 +228,7 @@ def from_depth(
     from lightdepth.errors import InputError
     from lightdepth.images.distances import read_estimate
     from lightdepth.reconstruction.depth_image import read_depth_image
+    from lightdepth.reconstruction.floor import warn_of_height
     from lightdepth.reconstruction.from_depth import surfaces_from_depth
     from lightdepth.reconstruction.from_estimate import surfaces_from_estimate
     from lightdepth.reconstruction.posed_panorama import check_same_size, parse_three, read_posed_panorama
@@ -275,6 +276,7 @@ def from_depth(
             measured = surfaces_from_depth(
                 image, place.pose, max_width, None if no_floor else floor_tolerance, report, faces
             )
+            warn_of_height(depth, measured.floor, place.pose)
         progress.add_task("Measuring the coverage", total=None)
         no_sky = measured.sky is None
         result = closed(
@@ -328,6 +330,7 @@ def from_points(
     --picture check.png
     """
     from lightdepth.packages import require_package
+    from lightdepth.reconstruction.floor import warn_of_height
     from lightdepth.reconstruction.from_points import surfaces_from_points
     from lightdepth.reconstruction.point_cloud import read_points
     from lightdepth.reconstruction.posed_panorama import parse_three, read_posed_panorama
@@ -348,6 +351,7 @@ def from_points(
         measured = surfaces_from_points(
             cloud, place.pose, detail, faces, None if no_floor else floor_tolerance, keep_open=sky, progress=report
         )
+        warn_of_height(points, measured.floor, place.pose)
         result = closed(measured.surfaces, place, sky, measured.floor)
     _finish(result, place, output, write, picture, as_json)
 

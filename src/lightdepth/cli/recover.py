@@ -95,12 +95,11 @@ def sun(
     found = recover_sun(loaded, patch or [], None if toward is None else _array(toward), diameter)
     values = _sun_values(found)
     if mask is not None:
-        import numpy as np
-
         from lightdepth.lighting.sun_mask import recover_mask
 
         pattern = recover_mask(loaded, found.light())
-        write_radiance(mask, np.repeat(pattern.transmittance[:, :, None], 3, axis=2))
+        write_radiance(mask, pattern.transmittance)
+        values["irradiance"] = [float(f"{value:.5g}") for value in pattern.irradiance]
         values["mask"] = _relative(mask, scene)
         values["mask_extent"] = [round(edge, 4) for edge in pattern.extent]
     if picture is not None:
@@ -397,6 +396,8 @@ def _report_sun(found: RecoveredSun, values: dict[str, Any], as_json: bool) -> N
         f"  median of {len(irradiance.pairs.irradiance)} pairs of places, "
         f"of which a single one is {100 * irradiance.deviation:.0f} % off"
     )
+    if "mask" in values:
+        line(f"  with the mask, where all of it passes: {', '.join(f'{v:.4g}' for v in values['irradiance'])}")
     for name, value in found.by_surface.items():
         line(f"  from {name} alone: {', '.join(f'{v:.4g}' for v in value)}")
     line(f"confidence: {found.confidence}")

@@ -47,13 +47,13 @@ def render(
     frames: Annotated[
         str | None, typer.Option(help=r"Frames of the scene's \[sequence] to render, as 1-240 or 7,10-20.")
     ] = None,
-    step: Annotated[int, typer.Option(min=1, help="Of --frames, render every so many-th one.")] = 1,
+    step: Annotated[int, typer.Option(min=1, help="Render only every N-th of --frames.")] = 1,
     force: Annotated[bool, typer.Option("--force", help="Render also the --frames that are there.")] = False,
     verify: Annotated[
         bool, typer.Option("--verify", help="Only report which --frames are missing or outdated.")
     ] = False,
     steady: Annotated[
-        int | None, typer.Option(min=1, help="Each of the --frames shares samples with so many before and after it.")
+        int | None, typer.Option(min=1, help="Each of the --frames shares samples with this many before and after it.")
     ] = None,
     samples: Annotated[int | None, typer.Option(min=1, help="Samples per influenced pixel.")] = None,
     noise: Annotated[
@@ -89,7 +89,7 @@ def render(
         float | None, typer.Option(min=0.0, help="Seconds between two checkpoints; 30 by default.")
     ] = None,
     preview_seconds: Annotated[
-        float | None, typer.Option(min=0.1, help="Write the unfinished picture every so many seconds.")
+        float | None, typer.Option(min=0.1, help="Write the unfinished picture every this many seconds.")
     ] = None,
 ) -> None:
     """Render new objects into the photographed place.

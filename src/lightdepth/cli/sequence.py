@@ -51,7 +51,7 @@ class Shot:
         job: as for a still.
         look: of the PNGs.
         output: the pattern of the files; made of the names of scene and camera by default.
-        step: of each range, every so many-th frame.
+        step: of each range, take every ``step``-th frame.
         layers: to write beside the picture; ``None`` for all.
         exposure: stops by which the PNGs are lighter.
         repair: replace impossible radiance of the panorama.

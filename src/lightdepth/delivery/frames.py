@@ -85,7 +85,7 @@ def find_frames(pattern: Path, numbers: str | None = None, step: int = 1) -> Fra
     Args:
         pattern: an EXR file in whose name ``#`` stands for the digits of the number, or one file.
         numbers: which of them, as ``1-240``; all by default.
-        step: of these, every so many-th one.
+        step: of these, take every ``step``-th.
 
     Raises:
         InputError: a frame is missing, is not whole, or differs from the first in size or camera.

@@ -95,7 +95,7 @@ class Allocation:
         if left < max(self._parameters.quantum * size / 64, 1):
             return None, whole
         more = self._around(self._left(self._errors.reducible(self._parameters.contrast)))
-        if taken.max() > max(taken.min(), 0 if self._sharing is None else self._parameters.quantum):
+        if taken.max() > max(int(taken.min()), 0 if self._sharing is None else self._parameters.quantum):
             # Not after a pilot: the samples so far are part of what each pixel is due.
             more *= np.sqrt(taken.astype(np.float32))
             more = self._pixels.inside(more, target.region)

@@ -59,7 +59,7 @@ def render_auxiliary(
         prepared: the scene.
         names: of the object and of the material of each shape.
         coverage: share of each pixel that objects cover, as far as is known, shape (height, width): where it lies
-            between 0 and 1 there is an edge, be it of an object that lies between all pixel centres.
+            between 0 and 1 there is an edge, even if it is of an object that lies between all pixel centres.
         parameters: points in each pixel.
         picture: what the pixels show of the real surfaces, shape (height, width, 3); ``None`` takes the photograph.
     """

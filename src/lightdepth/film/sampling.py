@@ -61,6 +61,7 @@ class Sampling:
         parameters: FilmParameters,
     ) -> None:
         self._parameters = parameters
+        self._lane_paths = parameters.gpu_lane_paths if ON_GPU else None
         self._prepared, self._view, self.pixels, self._seed, self._share = prepared, view, pixels, seed, share
         self._accumulator, self._light = accumulator, light
         self._width, _ = view.resolution
@@ -91,8 +92,7 @@ class Sampling:
                 slots, counts = slots[mine], counts[mine]
             if len(slots):
                 first = self._accumulator.taken[slots]
-                lane_paths = self._parameters.gpu_lane_paths if ON_GPU else None
-                sums = self.follow(lights, self.pixels[slots], first, counts, self.cache, lane_paths)
+                sums = self.follow(lights, self.pixels[slots], first, counts, self.cache, self._lane_paths)
             if self._light is not None:
                 for block in splats:
                     self._light.add(block)

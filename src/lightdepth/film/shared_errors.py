@@ -81,7 +81,7 @@ class CacheUse:
         self.values = [0.0, 0.0]
 
     def add(self, paths: int, records: int) -> None:
-        """A pass of ``paths`` was made with so many records."""
+        """Count a pass of ``paths`` and the records it used."""
         self.values[1] += paths * (2.0 * self.values[0] + paths) / max(records, 1)
         self.values[0] += paths
 

@@ -54,7 +54,14 @@ class Layer:
     @property
     def is_picture(self) -> bool:
         """Whether it has colour or luminance."""
-        return {"R", "G", "B"} <= self.channels.keys() or "Y" in self.channels
+        return {"R", "G", "B"} <= self.channels.keys() or ("Y" in self.channels and not self.is_vector)
+
+    @property
+    def is_vector(self) -> bool:
+        """Whether its Y stands between an X and a Z, as those of a position, a normal or tristimulus values."""
+        dot = "." if self.name else ""
+        every = {channel.lower() for channel in self.part.channels}
+        return {f"{self.name}{dot}{axis}".lower() for axis in "XZ"} <= every
 
 
 @dataclass(frozen=True)
@@ -95,6 +102,9 @@ def read_beauty(path: Path) -> Beauty:
             radiance = _from_luminance(reader, layer, luminance_weights(primaries))
             if "A" in names:
                 alpha = reader.read(layer.part, [names["A"]])[:, :, 0].astype(np.float32)
+    aspect = layer.part.attributes.get("PixelAspectRatio", 1.0)
+    if abs(aspect - 1.0) > 1e-3:
+        warn(f"{path}: its header states pixels {aspect:g} times as wide as high; they are taken to be square")
     return Beauty(converted(radiance, matrix), alpha)
 
 

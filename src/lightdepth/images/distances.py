@@ -23,20 +23,23 @@ FARTHEST = 1e9
 """Renderers mark the sky by numbers from here on; Blender by 1e10."""
 LARGEST_HALF = 65504.0
 """What becomes of such a number in half floats."""
+FARTHEST_SURFACE = 2e4
+"""Metres beyond which one hardly sees any."""
 UNMEASURED = 65535
 """A 16-bit image's way of saying so."""
 NEAR_THE_PLANE = 0.02
 """Cosine to the viewing axis below which a distance along it says nothing about the one along the ray."""
 
-_WORDS = ("z", "depth", "distance")
+_EXACT_WORDS = ("z", "distance")
 _ANY_NAME = ("r", "v", "x", "y")
 
 
 def read_distances(path: Path, channel: str | None = None) -> tuple[FloatArray, bool]:
     """Read an image of distances in the file's own unit.
 
-    Of an OpenEXR file the channel ``Z`` counts, or the only one of a layer that is named so or ``depth``, or the only one
-    at all. Distances of :data:`FARTHEST` and more, and :data:`LARGEST_HALF`, are sky.
+    Of an OpenEXR file the channel ``Z`` counts, or the only one of a layer that is named so or has "depth" in its name
+    (R, G and B may hold it alike), or the only one at all. Distances of :data:`FARTHEST` and more, and
+    :data:`LARGEST_HALF`, are sky.
 
     Args:
         path: OpenEXR, a 16-bit PNG, or a NumPy array in a .npy file.
@@ -185,18 +188,24 @@ def _distance_channels(headers: Sequence[ExrHeader], path: Path) -> tuple[ExrHea
     for chosen in (exact, named, found):
         if len(chosen) == 1:
             return chosen[0][0], [chosen[0][1]]
+    grey = [] if found else [(part, names) for part in headers for names in _grey_distances(part)]
+    if len(grey) == 1:
+        return grey[0]
     if found:
         names = ", ".join(f"'{part.name}: {channel}'" if part.name else f"'{channel}'" for part, channel in found)
         raise InputError(
             f"{path}: has several channels of distances, {names}; 'reconstruct from-depth --channel' states which"
         )
     others = [(part, channel) for part in headers for channel in part.channels if channel.lower() not in ("a", "alpha")]
-    if len(others) == 1:
+    if len(others) == 1 and not _is_mist(*others[0]):
         return others[0][0], [others[0][1]]
     if len(headers) == 1 and [channel for _, channel in others] == ["R", "G", "B"]:
         return headers[0], ["R", "G", "B"]
     names = ", ".join(sorted(channel for part in headers for channel in part.channels))
-    raise InputError(f"{path}: has no channel of distances (Z), but {names}")
+    raise InputError(
+        f"{path}: has no channel of distances (Z), but {names}; if one of them is, 'reconstruct from-depth --channel' "
+        "states it"
+    )
 
 
 def _named_channel(headers: Sequence[ExrHeader], path: Path, channel: str) -> tuple[ExrHeader, list[str]]:
@@ -214,16 +223,34 @@ def _named_channel(headers: Sequence[ExrHeader], path: Path, channel: str) -> tu
 
 def _is_distance(part: ExrHeader, channel: str) -> bool:
     layer, _, own = channel.rpartition(".")
-    if "mist" in _words(part, channel):  # Blender's share of fog, whose channel is called Z as well.
+    if _is_mist(part, channel):
         return False
     dot = "." if layer else ""
     siblings = {name.lower() for name in part.channels if name.rpartition(".")[0] == layer}
-    if own.lower() in _WORDS:
+    if _means_distance(own.lower()):
         vector = f"{layer}{dot}x".lower() in siblings and f"{layer}{dot}y".lower() in siblings
         return not vector  # A normal or a position has a Z as well.
-    return (
-        own.lower() in _ANY_NAME and len(siblings) == 1 and any(word in _WORDS for word in _words(part, channel)[:-1])
-    )
+    return own.lower() in _ANY_NAME and len(siblings) == 1 and any(map(_means_distance, _words(part, channel)[:-1]))
+
+
+def _grey_distances(part: ExrHeader) -> list[list[str]]:
+    """R, G and B of the layers that are named as distances."""
+    layers = dict.fromkeys(channel.rpartition(".")[0] for channel in part.channels)
+    found = [
+        [f"{layer}.{own}" for own in "RGB"] for layer in layers if any(map(_means_distance, layer.lower().split(".")))
+    ]
+    if not found and any(map(_means_distance, part.name.lower().split("."))):
+        found = [["R", "G", "B"]]
+    return [names for names in found if all(name in part.channels for name in names)]
+
+
+def _means_distance(word: str) -> bool:
+    return word in _EXACT_WORDS or "depth" in word
+
+
+def _is_mist(part: ExrHeader, channel: str) -> bool:
+    """Blender's share of fog, whose channel is called Z as well."""
+    return "mist" in _words(part, channel)
 
 
 def _words(part: ExrHeader, channel: str) -> list[str]:
@@ -273,12 +300,12 @@ def check_kind(path: Path, values: FloatArray) -> None:
         )
 
 
-def warn_of_doubts(path: Path, distances: FloatArray) -> None:
-    """Warn of distances that are probably no metres, or whose farthest seem to be a mark for the sky.
+def warn_of_sky(path: Path, distances: FloatArray) -> None:
+    """Warn of distances that seem to be a mark for the sky, or for the end of what was measured.
 
     Args:
         path: the file, for messages.
-        distances: as if metres along the ray, shape (height, 2 height), NaN where not measured, inf for sky.
+        distances: metres along the ray, shape (height, 2 height), NaN where not measured, inf for sky.
     """
     known = distances[np.isfinite(distances) & (distances > 0.0)]
     if not known.size:
@@ -286,15 +313,27 @@ def warn_of_doubts(path: Path, distances: FloatArray) -> None:
     largest = float(known.max())
     nearer = known[known < largest * (1.0 - 1e-6)]
     count = known.size - nearer.size
-    if nearer.size and count > max(16, 0.002 * distances.size) and largest > 5.0 * nearer.max():
+    states = "if that means the sky, 'reconstruct from-depth --sky-beyond' states it"
+    # By chance a level floor or ceiling meets a row of pixels at exactly the same distance, and both of them two.
+    many = count > max(2.5 * distances.shape[1], 0.01 * distances.size)
+    if nearer.size and (many or (count > max(16, 0.002 * distances.size) and largest > 5.0 * nearer.max())):
         warn(
-            f"{path}: {count} pixels have the same distance, {largest:g}, and all others at most {nearer.max():g}; if "
-            "that means the sky, 'reconstruct from-depth --sky-beyond' states it"
+            f"{path}: {count} pixels have the same distance, {largest:g}, and all others at most {nearer.max():g}; "
+            f"{states}"
         )
-        known = nearer
-    middle = float(np.median(known))
+    elif largest > FARTHEST_SURFACE:
+        warn(f"{path}: its distances go up to {largest:.3g} m; {states}")
+
+
+def warn_of_unit(path: Path, distances: FloatArray) -> None:
+    """Warn of distances that are probably no metres; arguments as of :func:`warn_of_sky`."""
+    known = distances[np.isfinite(distances) & (distances > 0.0)]
+    if not known.size:
+        return
+    largest, middle = float(known.max()), float(np.median(known))
+    nearer = known[known < largest * (1.0 - 1e-6)]
     convert = "'reconstruct from-depth --scale' converts them"
-    if middle > 300.0:
+    if middle > 300.0 and (not nearer.size or np.median(nearer) > 300.0):
         warn(f"{path}: half of its distances are above {middle:.3g} m; if they are not metres, {convert}")
     elif 0.99 < largest <= 1.0:
         warn(f"{path}: its distances end at {largest:g}; if they are normalised, {convert}")

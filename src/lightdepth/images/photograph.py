@@ -7,19 +7,21 @@ import struct
 import warnings
 from pathlib import Path
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin
 
 from lightdepth.directions import pixel_solid_angles
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
+from lightdepth.images.adobe_rgb import adobe_rgb_profile, is_adobe_rgb
 from lightdepth.images.filling import fill
 from lightdepth.images.gain_map import GainMap, has_gain_map, read_gain_map
 from lightdepth.images.gpano import PhotoSphere, read_photo_sphere
 from lightdepth.images.icc import ColourProfile, read_profile, srgb_profile
 from lightdepth.images.orientation import upright
 from lightdepth.images.panorama_image import PanoramaImage
+from lightdepth.images.pixels import read_pixels
+from lightdepth.images.png_colours import png_profile
 from lightdepth.packages import optional_package
 
 HEIF = (".heic", ".heif")
@@ -27,7 +29,8 @@ EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF)
 SAME_PRIMARIES, SCREEN_CURVES = (1, 2), (1, 2, 6, 13)
 """Numbers of ITU-T H.273 for colours: primaries of Rec.709 or unknown, and transfer curves of pictures for the screen."""
 _ORIENTATION = 274
-_XMP_TAG, _ICC_TAG = 700, 34675
+_XMP_TAG, _ICC_TAG, _PHOTOMETRIC_TAG = 700, 34675, 262
+_OTHER_COLOURS = {5: "CMYK", 8: "CIE L*a*b*", 9: "ICC L*a*b*", 10: "ITU L*a*b*"}
 TIFF_STARTS = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _ORIENTATIONS = {
     2: "mirrored",
@@ -45,7 +48,8 @@ DARK_CORNER = 0.02
 def read_photograph(path: Path) -> PanoramaImage:
     """Read a panorama for the screen, or one in linear float.
 
-    Integer numbers are made linear by the embedded profile of colour, or as sRGB; float numbers are linear already, and
+    Integer numbers are made linear by the embedded profile of colour, by what a PNG's own chunks or the EXIF mark of
+    Adobe RGB say, or as sRGB; float numbers are linear already, and
     of a profile only the primaries count. A cropped sphere is padded, and pixels that are wholly transparent are
     unknown; both are filled smoothly from around them.
 
@@ -67,6 +71,9 @@ def read_photograph(path: Path) -> PanoramaImage:
     known = np.ones((height, width), bool)
     if pixels.shape[2] == 4:
         known = pixels[..., 3] > 0
+        partly = float((known & (pixels[..., 3] < _opaque(pixels))).mean())
+        if partly > 0.001:
+            notes.append(f"{path}: {100.0 * partly:.2g} % of it are partly transparent; nothing is put behind them")
         pixels = pixels[..., :3]
     gain_map = gains if isinstance(gains, GainMap) else None
     radiance = _linear(pixels, profile, gain_map)
@@ -93,6 +100,11 @@ def read_photograph(path: Path) -> PanoramaImage:
         )
         radiance = fill(radiance, known)
     return PanoramaImage(radiance, None if sphere is None else sphere.rotation, tuple(notes), unknown)
+
+
+def _opaque(pixels: NDArray) -> float:
+    """Alpha from which on a pixel counts as opaque."""
+    return 0.98 * (np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0)
 
 
 def read_flat_photograph(path: Path) -> NDArray[np.float32]:
@@ -127,6 +139,7 @@ def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str |
         EXIF orientation, which is not applied.
     """
     gains: GainMap | str | None = None
+    marked = False
     try:
         with path.open("rb") as file:
             start = file.read(25)
@@ -137,21 +150,28 @@ def _decoded(path: Path) -> tuple[NDArray, ColourProfile, bytes, GainMap | str |
             # From memory, which gives no more than there is, whatever length a damaged chunk states.
             with Image.open(io.BytesIO(path.read_bytes())) as image:
                 icc, xmp = image.info.get("icc_profile"), _xmp(image)
+                marked = is_adobe_rgb(image)
                 orientation = int(image.getexif().get(_ORIENTATION, 1) or 1)
                 pixels = None if _sixteen_bit(start) else _eight_bit(image, path)
                 if path.suffix.lower() in HEIF:
                     _check_heif_colours(image, path)
                 gains = _gains(path, image, xmp)
-    except (OSError, SyntaxError, ValueError, TypeError, struct.error, Image.DecompressionBombError) as error:
+    except (OSError, EOFError, SyntaxError, ValueError, TypeError, struct.error, Image.DecompressionBombError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "damaged, or of another format"
         raise InputError(f"{path}: not a readable picture ({reason})") from error
     if pixels is None:
-        pixels = _by_opencv(path)
+        pixels = _of_any_depth(path)
     try:
-        profile = read_profile(icc) if icc else srgb_profile()
+        profile = read_profile(icc) if icc else _profile_without_icc(path, start, marked)
     except ValueError as error:
         raise InputError(f"{path}: {error}; save the picture in sRGB") from error
     return pixels, profile, xmp, gains, orientation
+
+
+def _profile_without_icc(path: Path, start: bytes, is_adobe_rgb: bool) -> ColourProfile:
+    if start[:4] == b"\x89PNG":
+        return png_profile(path)
+    return adobe_rgb_profile(path) if is_adobe_rgb else srgb_profile()
 
 
 def _gains(path: Path, image: Image.Image, xmp: bytes) -> GainMap | str | None:
@@ -196,6 +216,11 @@ def _tiff_tags(path: Path) -> tuple[bytes | None, bytes, int]:
         tags = TiffImagePlugin.ImageFileDirectory_v2(header)
         file.seek(tags.next)
         tags.load(file)
+    photometric = int(tags.get(_PHOTOMETRIC_TAG, 2))
+    if photometric in _OTHER_COLOURS:
+        raise InputError(f"{path}: its colours are {_OTHER_COLOURS[photometric]}; RGB or grey is needed")
+    if tags.next:
+        warn(f"{path}: holds several pages; the first is used")
     xmp = tags.get(_XMP_TAG, b"")
     return tags.get(_ICC_TAG), bytes(xmp) if isinstance(xmp, bytes | tuple) else b"", int(tags.get(_ORIENTATION, 1))
 
@@ -212,24 +237,19 @@ def _eight_bit(image: Image.Image, path: Path) -> NDArray[np.uint8]:
     return np.asarray(image.convert("RGBA" if transparent else "RGB"))
 
 
-def _by_opencv(path: Path) -> NDArray:
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-    try:
-        pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except cv2.error:
-        pixels = None
-    finally:
-        cv2.utils.logging.setLogLevel(level)
-    if pixels is None or pixels.dtype not in (np.uint8, np.uint16, np.float32, np.float64):
+def _of_any_depth(path: Path) -> NDArray:
+    pixels = read_pixels(path, "picture")
+    if pixels.dtype == np.uint32:
+        pixels = (pixels >> 16).astype(np.uint16)
+    if pixels.dtype in (np.float16, np.float64):
+        pixels = pixels.astype(np.float32)
+    if pixels.dtype not in (np.uint8, np.uint16, np.float32):
         raise InputError(
             f"{path}: not a readable picture; JPEG, PNG, and TIFF with 8, 16 or 32 bits (float) a channel are read"
         )
-    if pixels.dtype == np.float64:
-        pixels = pixels.astype(np.float32)
-    if pixels.ndim == 2:
-        return np.repeat(pixels[:, :, None], 3, axis=2)
-    order = [2, 1, 0, 3][: pixels.shape[2]]
-    return np.ascontiguousarray(pixels[:, :, order])
+    if pixels.shape[2] < 3:  # Grey, and perhaps alpha.
+        return np.concatenate([np.repeat(pixels[:, :, :1], 3, axis=2), pixels[:, :, 1:]], axis=2)
+    return np.ascontiguousarray(pixels[:, :, :4])
 
 
 def _check_shape(pixels: NDArray, sphere: PhotoSphere | None, path: Path) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image, ImageOps
 
 from lightdepth.errors import InputError
-from lightdepth.images.radiance import READERS, read_radiance
+from lightdepth.images.radiance import holds_radiance, read_radiance
 from lightdepth.images.tonemapping import auto_exposure, tone_map
 
 _FULL_FRAME_DIAGONAL = float(np.hypot(36.0, 24.0))
@@ -44,7 +44,7 @@ def read_picture(path: Path, content: bytes | None = None) -> Picture:
     if content is None:
         if not path.is_file():
             raise InputError(f"{path}: no such file")
-        if path.suffix.lower() in READERS:
+        if holds_radiance(path):
             radiance = read_radiance(path)
             return Picture(tone_map(radiance, auto_exposure(radiance)))
         content = path.read_bytes()
@@ -56,7 +56,7 @@ def read_picture(path: Path, content: bytes | None = None) -> Picture:
                 pixels = np.repeat((np.asarray(upright) // 257).astype(np.uint8)[..., None], 3, axis=2)
             else:
                 pixels = np.asarray(upright.convert("RGB"))
-    except (OSError, SyntaxError, ValueError, TypeError, Image.DecompressionBombError) as error:
+    except (OSError, EOFError, SyntaxError, ValueError, TypeError, Image.DecompressionBombError) as error:
         raise InputError(f"{path}: not a readable photograph (damaged, or of another format)") from error
     try:
         focal = float(exif.get(ExifTags.Base.FocalLengthIn35mmFilm, 0))

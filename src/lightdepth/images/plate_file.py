@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
 from lightdepth.images.photograph import EXTENSIONS, read_flat_photograph
-from lightdepth.images.radiance import READERS, read_radiance
+from lightdepth.images.radiance import READERS, holds_radiance, read_radiance
 
 
 def read_plate(path: Path) -> NDArray[np.float32]:
@@ -26,11 +26,12 @@ def read_plate(path: Path) -> NDArray[np.float32]:
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     suffix = path.suffix.lower()
-    if suffix not in READERS and suffix not in EXTENSIONS:
+    has_radiance = holds_radiance(path)
+    if not has_radiance and suffix not in EXTENSIONS:
         raise InputError(
             f"{path}: '{path.suffix}' is not a format for a plate; allowed are {', '.join((*READERS, *EXTENSIONS))}"
         )
-    radiance = read_radiance(path) if suffix in READERS else read_flat_photograph(path)
+    radiance = read_radiance(path) if has_radiance else read_flat_photograph(path)
     impossible = ~np.isfinite(radiance).all(axis=2)
     if impossible.any():
         row, column = divmod(int(np.argmax(impossible)), impossible.shape[1])

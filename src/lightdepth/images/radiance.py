@@ -13,6 +13,9 @@ from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import ExrPart, write_exr
 from lightdepth.images.rgbe import read_rgbe, write_rgbe
 
+OPAQUE = 0.98
+"""Alpha from which on a pixel hides what is behind it."""
+
 
 def _from_exr(path: Path) -> NDArray[np.float32]:
     picture = read_beauty(path)
@@ -20,6 +23,11 @@ def _from_exr(path: Path) -> NDArray[np.float32]:
         unknown = (picture.alpha <= 0.0) & (picture.radiance == 0.0).all(axis=2)
         if unknown.any():
             warn(f"{path}: {100.0 * unknown.mean():.3g} % of its pixels are transparent; they are black here")
+        partly = (picture.alpha > 0.0) & (picture.alpha < OPAQUE)
+        if partly.any():
+            warn(
+                f"{path}: {100.0 * partly.mean():.3g} % of its pixels are partly transparent; nothing is put behind them"
+            )
     return picture.radiance
 
 
@@ -42,6 +50,18 @@ _OTHERS = {
     b"<": "a text, perhaps an error page of the site that it came from",
     b"version https://git-lfs": "a Git LFS pointer to the image; 'git lfs pull' fetches it",
 }
+
+
+def holds_radiance(path: Path) -> bool:
+    """Whether :func:`read_radiance` is to read a file, by its name or by its content."""
+    if path.suffix.lower() in READERS:
+        return True
+    try:
+        with path.open("rb") as file:
+            start = file.read(4)
+    except OSError:
+        return False
+    return start.startswith(tuple(_STARTS))
 
 
 def read_radiance(path: Path) -> NDArray[np.float32]:

@@ -21,6 +21,12 @@ _LONGEST_HEADER = 2**16
 _MOST_COMPRESSED = 150
 """A run of 127 pixels takes 2 bytes in each of 4 channels."""
 _FORMATS = ("32-bit_rle_rgbe", "32-bit_rle_xyze")
+_APPLIED = ("FORMAT", "EXPOSURE", "COLORCORR", "PRIMARIES", "GAMMA", "PIXASPECT")
+_REMARKS = (
+    *("SOFTWARE", "CAPDATE", "GMT", "DATE", "TITLE", "AUTHOR", "OWNER", "COPYRIGHT", "COMMENT", "DESCRIPTION"),
+    *("LATLONG", "CREATOR", "VERSION", "NAME", "CAMERA", "LENS"),
+)
+"""Lines of the header that change no pixel."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,8 @@ def read_rgbe(path: Path) -> NDArray[np.float32]:
         else:
             pixels = _flat_or_old(first + file.read(), shape, path)
     if (header.factors != 1.0).any():
-        pixels /= header.factors
+        with np.errstate(over="ignore"):  # What overflows is reported where radiance is checked.
+            pixels /= header.factors
     pixels = converted(pixels, header.matrix)
     if header.columns:
         pixels = pixels.swapaxes(0, 1)
@@ -108,12 +115,12 @@ def read_header(path: Path) -> RgbeHeader:
     factors = np.ones(3)
     for name, count in (("EXPOSURE", 1), ("COLORCORR", 3)):
         for text in re.findall(rf"^{name}=(.*)", header, re.MULTILINE):
-            factors = factors * _factors(text, name, count, path)
-    if not (factors > 0.0).all() or not np.isfinite(factors.astype(np.float32)).all():
+            with np.errstate(over="ignore", under="ignore"):
+                factors = factors * _factors(text, name, count, path)
+    _name_what_is_not_applied(header, path)
+    least, greatest = np.finfo(np.float32).tiny, np.finfo(np.float32).max
+    if not ((factors >= least) & (factors <= greatest)).all():
         raise InputError(f"{path}: EXPOSURE and COLORCORR in its header multiply to {factors.tolist()}")
-    for text in re.findall(r"^GAMMA=\s*(\S+)", header, re.MULTILINE):
-        if text.rstrip("0").rstrip(".") != "1":
-            warn(f"{path}: GAMMA={text} in its header is not applied: pixels of this format are linear")
     return RgbeHeader(
         scanlines=int(axes[3]),
         length=int(axes[6]),
@@ -124,6 +131,23 @@ def read_header(path: Path) -> RgbeHeader:
         matrix=_matrix(header, form is not None and form[1] == _FORMATS[1], path),
         start=lines.end(),
     )
+
+
+def _name_what_is_not_applied(header: str, path: Path) -> None:
+    """Warn of what a header says beside what is applied. Indented lines are those of the pictures it was made of."""
+    for text in re.findall(r"^GAMMA=\s*(\S+)", header, re.MULTILINE):
+        if text.rstrip("0").rstrip(".") != "1":
+            warn(f"{path}: GAMMA={text} in its header is not applied: pixels of this format are linear")
+    for text in re.findall(r"^PIXASPECT=\s*(\S+)", header, re.MULTILINE):
+        if text.rstrip("0").rstrip(".") not in ("1", ""):
+            warn(f"{path}: PIXASPECT={text} in its header is not applied: its pixels are taken to be square")
+    if len(set(re.findall(r"^FORMAT=\s*(\S+)", header, re.MULTILINE))) > 1:
+        warn(f"{path}: its header states several formats; the first counts")
+    for name, text in re.findall(r"^([A-Za-z_]+ ?)=(.*)", header, re.MULTILINE):
+        if name not in _APPLIED and name.upper().strip() not in _REMARKS:
+            warn(f"{path}: '{name}={text.strip()[:40]}' in its header is not applied")
+    for text in re.findall(r"^ +((?:EXPOSURE|COLORCORR|PRIMARIES) *=.*)", header, re.MULTILINE):
+        warn(f"{path}: '{text.strip()[:40]}' is indented in its header, as what was applied before, and not applied")
 
 
 def _numbers(text: str, name: str, path: Path) -> list[float]:

@@ -98,7 +98,7 @@ def validate_panorama(radiance: NDArray[np.float32], path: Path, repair: bool = 
         radiance: linear RGB, shape (height, width, 3), float32.
         path: the file it came from, for messages.
         repair: replace impossible radiance instead of refusing it: NaN by the median of its neighbours, infinite by the
-            channel's largest finite value, negative by 0. :func:`find_defects` reports beforehand what there is.
+            channel's largest finite value, negative by 0. :func:`find_defects` reports them without changing anything.
 
     Returns:
         Radiance that is finite and not negative, shape (height, 2 height, 3), float32: the array given, where nothing

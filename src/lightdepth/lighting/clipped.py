@@ -19,6 +19,7 @@ from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.patches import Clicks
 from lightdepth.lighting.sun_edges import align, measured, predicted_edges
 from lightdepth.lighting.sun_irradiance import combine, compare_sides
+from lightdepth.lighting.sun_mask import masked_suns
 from lightdepth.lighting.sun_search import SunSearch
 from lightdepth.lighting.sunlight import Sunlight
 from lightdepth.parameters.lighting import DEFAULT, LightingParameters
@@ -74,7 +75,7 @@ def recover_clipped(
     """Find what clipped sources really send.
 
     Args:
-        scene: the place.
+        scene: the place; the suns that it declares count as light that is known.
         pairs: ``"x,y x,y"``: a place lit by the source and one of the same material in its shadow, in pixels.
         grey: ``"x,y albedo"`` or ``"x,y red green blue"``: a place whose albedo is known, such as a grey card, lit by the
             source.
@@ -86,7 +87,7 @@ def recover_clipped(
     Raises:
         InputError: clicks that are none, lie beside the surfaces, or contradict each other; no real surfaces.
     """
-    scene = replace(scene, panorama=replace(scene.panorama, unclipped=None))
+    scene = replace(scene, panorama=replace(scene.panorama, unclipped=None), lights=masked_suns(scene))
     view = PanoramaView(scene)
     size = scene.panorama.radiance.shape[:2]
     height, width = size
@@ -121,7 +122,7 @@ def _recovered(
     grey: Sequence[tuple[FloatArray, FloatArray]],
     diameter: float,
 ) -> RecoveredSource:
-    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
+    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed, scene.lights)
     sunlight = Sunlight(scene) if plateau.sky else None
     direction = plateau.direction
     sun = plateau.sky and plateau.angular_radius > 0.5 * diameter
@@ -139,7 +140,7 @@ def _recovered(
         extra, error, method = (*_from_grey(view, explained, grey, direction, now), "known albedo")
     elif pairs:
         only = ExplainedLight(_alone(scene, share), scene.real, scene.render.seed)
-        extra, error, method = (*_from_pairs(view, explained, only, pairs, direction), "clicked pairs")
+        extra, error, method = (*_from_pairs(view, explained, only, pairs, direction, now), "clicked pairs")
     elif sunlight is not None:
         edges = measured(view, predicted_edges(view, sunlight, direction), view.tuned.clipped_reach)
         edges = edges.where(np.isfinite(edges.offset))
@@ -175,7 +176,7 @@ def _together(
     scene: Scene, view: PanoramaView, plateaus: Sequence[Plateau], grey: Sequence[tuple[FloatArray, FloatArray]]
 ) -> list[RecoveredSource]:
     """Several lamps from places of known albedo; those that the places do not tell apart get one gain in common."""
-    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
+    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed, scene.lights)
     places, albedo = (np.array(each) for each in zip(*grey, strict=True))
     seen = view.look(places)
     light = explained.irradiance(seen.point, seen.normal, view.tuned.pair_samples)
@@ -187,6 +188,14 @@ def _together(
     alone = [ExplainedLight(_alone(scene, share), scene.real, scene.render.seed) for share in shares]
     given = np.stack([each.irradiance(seen.point, seen.normal, view.tuned.pair_samples) for each in alone], axis=1)
     more, errors = solve_gains(missing, given, light, view.tuned)
+    explains = light + np.einsum("nkc,kc->nc", given, more)
+    off = ((light + missing) / np.maximum(explains, 1e-30)).mean(axis=1)
+    worst = int(np.argmax(np.maximum(off, 1.0 / np.maximum(off, 1e-30))))
+    if not 1.0 / view.tuned.clipped_contradiction <= off[worst] <= view.tuned.clipped_contradiction:
+        raise InputError(
+            f"--grey: the clicks contradict each other: with the lamps that fit all of them best, number {worst + 1} would "
+            f"have {off[worst]:.3g} times the albedo that is given"
+        )
     results = []
     for plateau, source, share, extra, error in zip(plateaus, sources, shares, more, errors, strict=True):
         angles = pixel_solid_angles(*share.shape)[:, None] * share
@@ -228,7 +237,7 @@ def solve_gains(
         weight = 1.0 / (tuned.clipped_place_error * np.maximum(light[:, channel], 1e-30))
         matrix, wanted = given[..., channel] * weight[:, None], missing[:, channel] * weight
         whole = matrix.sum(axis=1)
-        common = max(float(whole @ wanted / max(whole @ whole, 1e-30)), 1e-6)
+        common = max(float(whole @ wanted / max(float(whole @ whole), 1e-30)), 1e-6)
         pull = np.eye(count) / (tuned.clipped_gain_spread * common)
         factors[:, channel], _ = nnls(np.vstack([matrix, pull]), np.concatenate([wanted, common * pull.sum(axis=0)]))
         errors[:, channel] = np.sqrt(np.diag(np.linalg.inv(matrix.T @ matrix + pull @ pull)))
@@ -270,6 +279,7 @@ def _from_pairs(
     only: ExplainedLight,
     pairs: Sequence[Pair],
     direction: FloatArray,
+    now: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Irradiance beyond the map's on a surface that faces the source, from clicked pairs, and its standard error.
 
@@ -279,6 +289,7 @@ def _from_pairs(
         only: that of the source alone.
         pairs: what was clicked.
         direction: toward the source, unit, world, shape (3,).
+        now: its irradiance as the panorama has it, shape (3,).
     """
     lit, shaded = np.array([pair.lit for pair in pairs]), np.array([pair.shaded for pair in pairs])
     seen_lit, seen_shaded = view.look(lit), view.look(shaded)
@@ -296,6 +307,7 @@ def _from_pairs(
             "--pair: the places contradict each other: the first of each pair must be in the source's light and brighter "
             "than the second, in its shadow, for all that the map explains"
         )
+    _check_agreement("--pair", now + values, now, view.tuned)
     return _median(values)
 
 
@@ -317,13 +329,26 @@ def _from_grey(
     values = (np.pi * _around(view, places) / albedo - light) / cosine[:, None]
     if np.any(np.median(values, axis=0) < -0.1 * now):
         raise InputError(TOO_DARK)
+    _check_agreement("--grey", now + values, now, view.tuned)
     return _median(values)
+
+
+def _check_agreement(option: str, irradiance: FloatArray, now: FloatArray, tuned: LightingParameters) -> None:
+    """Refuse clicks of which each says something else of the source, by its irradiance of shape (n, 3)."""
+    total = irradiance.sum(axis=1)
+    least, most = int(np.argmin(total)), int(np.argmax(total))
+    if total[most] <= tuned.clipped_contradiction * max(total[least], 1e-30):
+        return
+    raise InputError(
+        f"{option}: the clicks contradict each other: by number {least + 1} the source sends "
+        f"{total[least] / now.sum():.3g} times its clipped light, by number {most + 1} {total[most] / now.sum():.3g} times"
+    )
 
 
 def _median(values: FloatArray) -> tuple[FloatArray, FloatArray]:
     value = np.median(values, axis=0)
     if len(values) < 3:
-        return value, 0.1 * np.abs(value)
+        return value, np.maximum(0.1 * np.abs(value), 0.5 * np.ptp(values, axis=0))
     deviation = 1.4826 * np.median(np.abs(values - value), axis=0)
     return value, 1.2533 * deviation / np.sqrt(len(values))
 

@@ -1,23 +1,28 @@
-"""The light that the photograph explains: irradiance at what its pixels show, without any sun that it lacks."""
+"""The light that the photograph explains: irradiance at what its pixels show."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from lightdepth.directions import FloatArray
-from lightdepth.scene.model import Panorama, RealSurface
+from lightdepth.scene.model import Panorama, RealSurface, SunLight
 
 
 class ExplainedLight:
-    """Irradiance from the light-depth map alone.
+    """Irradiance from the light-depth map, and from suns that are known already.
 
     Args:
         panorama: the photograph.
         real: the real surfaces.
         seed: of the random numbers.
+        suns: whose light is explained as well; none by default.
     """
 
-    def __init__(self, panorama: Panorama, real: tuple[RealSurface, ...], seed: int = 0) -> None:
+    def __init__(
+        self, panorama: Panorama, real: tuple[RealSurface, ...], seed: int = 0, suns: Sequence[SunLight] = ()
+    ) -> None:
         from lightdepth.kernel.start import start
 
         start()
@@ -25,7 +30,7 @@ class ExplainedLight:
         from lightdepth.place.real_surfaces import merge_real_surfaces
         from lightdepth.place.traced_surfaces import TracedSurfaces
 
-        self._place = Place(panorama, TracedSurfaces(merge_real_surfaces(real)))
+        self._place = Place(panorama, TracedSurfaces(merge_real_surfaces(real)), suns=suns)
         self._seed = seed
 
     def irradiance(self, points: FloatArray, normals: FloatArray, samples: int) -> FloatArray:

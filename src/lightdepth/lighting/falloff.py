@@ -18,7 +18,7 @@ def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[Float
     """The gain of a source by which matte surfaces of one colour look as they do.
 
     Args:
-        scene: the place.
+        scene: the place; suns that it declares shine besides the source.
         view: its photograph.
         share: of each pixel of the panorama that belongs to the source, shape (height, 2 height).
 
@@ -29,8 +29,8 @@ def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[Float
     weight = share[..., None].astype(np.float32)
     radiance = scene.panorama.radiance
     source, rest = (
-        ExplainedLight(replace(scene.panorama, radiance=part), scene.real, scene.render.seed)
-        for part in (radiance * weight, radiance * (1.0 - weight))
+        ExplainedLight(replace(scene.panorama, radiance=part), scene.real, scene.render.seed, suns)
+        for part, suns in ((radiance * weight, ()), (radiance * (1.0 - weight), scene.lights))
     )
     index = np.arange(view.tuned.falloff_points)
     z = 1.0 - (2.0 * index + 1.0) / view.tuned.falloff_points

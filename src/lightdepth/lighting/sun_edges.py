@@ -167,7 +167,7 @@ def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArra
 
 
 def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
-    """The edges with where the photograph shows them, if it does within so many heights of a pixel."""
+    """The edges with where the photograph shows them, if it does so within ``reach`` heights of a pixel."""
     if not len(edges.pixel):
         return edges
     tuned = view.tuned

@@ -1,7 +1,8 @@
 """The pattern that falls through a window: the patch of sun itself, projected back along the sun's direction.
 
 Bars, curtains and trees outside need no model: how bright each place in the patch is, compared with its shade, is the
-share of the sun that passed toward it.
+share of the sun that passed toward it. Each channel has its own: so a shadow in the patch gets the colour of the shade
+beside it, also where the model explains more of one colour than there is on a wall and less on the floor.
 """
 
 from __future__ import annotations
@@ -33,12 +34,14 @@ class SunMask:
     """A pattern.
 
     Attributes:
-        transmittance: in [0, 1], shape (h, w), float32; row 0 is the top.
+        transmittance: of each channel, in [0, 1], shape (h, w, 3), float32; row 0 is the top.
+        irradiance: of the sun where all of it passes, linear RGB, shape (3,): at least that of the sun which was given.
         extent: left, bottom, right and top in the plane across the sun's direction, metres, along
             :func:`~lightdepth.scene.lights.frame.sun_axes`.
     """
 
     transmittance: NDArray[np.float32]
+    irradiance: FloatArray
     extent: tuple[float, float, float, float]
 
 
@@ -72,14 +75,17 @@ def _masked(scene: Scene, sun: SunLight) -> SunLight:
         mask = recover_mask(scene, sun)
     except InputError as error:
         raise InputError(f"[[light]] '{sun.name}', mask = \"recover\": {error}") from error
-    return replace(sun, mask=mask.transmittance, mask_extent=mask.extent, recover_mask=False)
+    return replace(
+        sun, irradiance=mask.irradiance, mask=mask.transmittance, mask_extent=mask.extent, recover_mask=False
+    )
 
 
 def recover_mask(scene: Scene, sun: SunLight) -> SunMask:
     """Recover the pattern in which a sun falls into the place.
 
     Places that the sun would reach through the modelled openings but that the photograph does not show are taken to get
-    what the nearest that it shows get.
+    what the nearest that it shows get. Where what is fully lit is brighter than the sun makes it, the sun is stronger: all
+    of the patch says so, and not its edges alone, which bars and curtains blur.
 
     Args:
         scene: the place.
@@ -109,7 +115,9 @@ def recover_mask(scene: Scene, sun: SunLight) -> SunMask:
     light = _irradiance(explained, points[chosen], normals[chosen], view.tuned)
     brightness = view.colour(pixels[usable[chosen]])
     apparent = np.pi * brightness / np.maximum(light, 1e-12)
-    transmittance = np.full(len(in_patch), np.nan)
+    transmittance, fully_lit = np.full((len(in_patch), 3), np.nan), np.ones(3)
+    # Edges of the patch mix both sides; what the modelled openings hold back there is not the mask's.
+    inner = _within(view, usable, share == 1.0)[in_patch]
     for index in np.unique(surface[in_patch]):
         here = np.flatnonzero(surface[in_patch] == index)
         shade = len(in_patch) + np.flatnonzero((surface[near] == index) & in_shade[near])
@@ -120,9 +128,10 @@ def recover_mask(scene: Scene, sun: SunLight) -> SunMask:
         albedo = np.median(apparent[shade][neighbours], axis=1)
         cosine = normals[in_patch[here]] @ sun.direction
         excess = np.pi * brightness[here] / np.maximum(albedo, 1e-6) - light[here]
-        transmittance[here] = (excess / (sun.irradiance * cosine[:, None])) @ REC709
-    # Edges of the patch mix both sides; what the modelled openings hold back there is not the mask's.
-    known = np.isfinite(transmittance) & _within(view, usable, share == 1.0)[in_patch]
+        transmittance[here] = excess / (sun.irradiance * cosine[:, None])
+        if np.count_nonzero(inner[here]) >= view.tuned.mask_fewest_pixels:
+            fully_lit = np.maximum(fully_lit, _fully_lit(transmittance[here[inner[here]]], view.tuned))
+    known = np.isfinite(transmittance).all(axis=1) & inner
     if known.sum() < view.tuned.mask_fewest_pixels:
         raise InputError(
             f"{scene.path or 'scene'}: no mask can be recovered: the surfaces under the patch show no shade beside it"
@@ -130,11 +139,23 @@ def recover_mask(scene: Scene, sun: SunLight) -> SunMask:
     openings = [surface.mesh.vertices for surface in scene.real if surface.opening]
     return _projected(
         points[in_patch[known]],
-        np.clip(transmittance[known], 0.0, 1.0),
+        np.clip(transmittance[known] / fully_lit, 0.0, 1.0),
         np.concatenate([np.zeros((0, 3)), *openings]),
-        sun.direction,
+        replace(sun, irradiance=sun.irradiance * fully_lit),
         view,
     )
+
+
+def _fully_lit(transmittance: FloatArray, tuned: LightingParameters) -> FloatArray:
+    """What the lit places of a surface have at least in the median, of shape (n, 3) that of each channel."""
+    brightness = transmittance @ REC709
+    lit = transmittance[brightness > 0.5 * np.percentile(brightness, 95.0)]
+    if not len(lit):
+        return np.ones(3)
+    middle = np.median(lit, axis=0)
+    deviation = 1.4826 * np.median(np.abs(lit - middle), axis=0)
+    error = 1.2533 * deviation / np.sqrt(max(1.0, len(lit) / tuned.pair_correlated))
+    return np.asarray(middle - 2.0 * error)
 
 
 def _within(view: PanoramaView, usable: NDArray[np.intp], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -175,13 +196,13 @@ def _irradiance(
 
 
 def _projected(
-    points: FloatArray, transmittance: FloatArray, openings: FloatArray, direction: FloatArray, view: PanoramaView
+    points: FloatArray, transmittance: FloatArray, openings: FloatArray, sun: SunLight, view: PanoramaView
 ) -> SunMask:
     """Values at points on a grid across the direction; what lies between and around them takes the nearest.
 
     It reaches over all the openings, since nothing passes beyond it.
     """
-    axes = np.stack(sun_axes(direction))
+    axes = np.stack(sun_axes(sun.direction))
     across = points @ axes.T
     distance = np.linalg.norm(points - view.position, axis=1)
     texel = view.tuned.mask_fineness * float(np.median(distance)) * np.pi / view.height
@@ -192,9 +213,10 @@ def _projected(
     high = low + texel * np.array([columns, rows])
     column = ((across[:, 0] - low[0]) / texel).astype(int)
     row = ((high[1] - across[:, 1]) / texel).astype(int)
-    sums, counts = np.zeros((rows, columns)), np.zeros((rows, columns))
+    sums, counts = np.zeros((rows, columns, 3)), np.zeros((rows, columns, 1))
     np.add.at(sums, (row, column), transmittance)
     np.add.at(counts, (row, column), 1.0)
-    _, nearest = distance_transform_edt(counts == 0.0, return_indices=True)
-    values = np.where(counts > 0.0, sums / np.maximum(counts, 1.0), 0.0)[tuple(nearest)]
-    return SunMask(values.astype(np.float32), (float(low[0]), float(low[1]), float(high[0]), float(high[1])))
+    _, nearest = distance_transform_edt(counts[..., 0] == 0.0, return_indices=True)
+    values = (sums / np.maximum(counts, 1.0))[tuple(nearest)]
+    extent = (float(low[0]), float(low[1]), float(high[0]), float(high[1]))
+    return SunMask(values.astype(np.float32), sun.irradiance, extent)

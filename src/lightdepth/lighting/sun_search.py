@@ -174,7 +174,7 @@ def _excess(
 
 
 def _peaks(directions: FloatArray, agreement: FloatArray, count: int, apart: float) -> list[int]:
-    """The best directions that lie at least so many degrees apart."""
+    """The best directions that are at least ``apart`` degrees apart."""
     chosen: list[int] = []
     for index in np.argsort(-agreement):
         if agreement[index] <= 0.0 or len(chosen) == count:

@@ -31,7 +31,7 @@ def mesh_from_depth(
         depth: distance along the ray, metres, inf for sky, shape (height, 2 height), float32, positive.
         position: capture point, world, metres, shape (3,).
         rotation: light space to world, shape (3, 3).
-        max_width: a wider depth image is thinned out to at most so many columns: ``max_width ** 2``
+        max_width: a wider depth image is thinned out to at most this many columns: ``max_width ** 2``
             triangles are the most.
 
     Returns:

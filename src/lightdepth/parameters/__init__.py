@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from pydantic.dataclasses import dataclass
 
+from lightdepth.parameters.balance import BalanceParameters
 from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
@@ -16,9 +17,11 @@ from lightdepth.parameters.place import PlaceParameters
 from lightdepth.parameters.quickstart import QuickstartParameters
 from lightdepth.parameters.ranges import CHECKED
 from lightdepth.parameters.recovery import RecoveryParameters
+from lightdepth.parameters.reuse import ReuseParameters
 from lightdepth.parameters.transport import TransportParameters
 
 __all__ = [
+    "BalanceParameters",
     "DenoisingParameters",
     "FilmParameters",
     "LightingParameters",
@@ -26,6 +29,7 @@ __all__ = [
     "PlaceParameters",
     "QuickstartParameters",
     "RecoveryParameters",
+    "ReuseParameters",
     "TransportParameters",
 ]
 
@@ -36,19 +40,23 @@ class Parameters:
 
     Attributes:
         place: of what the place is taken to be.
+        balance: of comparing photographs and plates.
         lighting: of recovering suns, clipped sources and gloss.
         recovery: of recovering albedo and irradiance.
         transport: of following paths.
         film: of taking samples, and of the layers other than light.
         denoising: of removing what is left of the noise.
+        reuse: of frames that share samples.
 
     Raises:
         pydantic.ValidationError: a number is out of its range; so do those of the rooms.
     """
 
     place: PlaceParameters = PlaceParameters()
+    balance: BalanceParameters = BalanceParameters()
     lighting: LightingParameters = LightingParameters()
     recovery: RecoveryParameters = RecoveryParameters()
     transport: TransportParameters = TransportParameters()
     film: FilmParameters = FilmParameters()
     denoising: DenoisingParameters = DenoisingParameters()
+    reuse: ReuseParameters = ReuseParameters()

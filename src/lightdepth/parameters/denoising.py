@@ -19,6 +19,10 @@ class DenoisingParameters:
         faint: largest mean in a tile of the change, as a share of the photograph, that a blur denoises; above, it is seen.
         faint_noise: largest root mean square there; more noise would be left as spots.
         faint_step: largest difference between the means of neighbouring tiles there; a blur would wash out more.
+        smooth_bend: largest deviation of neighbouring tiles' means from a straight line, as a share of the photograph,
+            where a blur denoises a change that is not faint, for it keeps what is straight; nor may it exceed the noise.
+        smooth_noise: largest standard deviation in a tile there.
+        smooth_step: largest difference between the means of neighbouring tiles there.
         faint_blur: standard deviation of this blur, pixels.
         hole: pixels across the largest hole in the change that counts as changed as well: few samples leave some.
         ramp: pixels over which the network's result goes over into the blurred one.
@@ -42,6 +46,9 @@ class DenoisingParameters:
     faint: Share = 0.03
     faint_noise: Share = 0.05
     faint_step: Share = 0.008
+    smooth_bend: Share = 0.05
+    smooth_noise: Share = 0.15
+    smooth_step: Share = 0.2
     faint_blur: Positive = 6.0
     hole: Count = 9
     ramp: Count = 8

@@ -30,8 +30,8 @@ class LightingParameters:
         search_fewest_lit: points that a direction must light.
         search_darkest: logarithm of brightness relative to the rest of the surface below which less does not count.
         search_brightest: the same above which more does not count.
-        sun_least_agreement: correlation of what a direction lights with what is bright from which on a patch is believed
-            to be one of sun.
+        sun_least_agreement: correlation of what a direction lights with what is bright from which on a patch is taken
+            to be sunlit.
         sun_least_clicked: the same with clicked outlines, which are all or nothing.
         sun_least_covered: share of each outline that the sun must light.
         sun_given_reach: heights of a pixel within which edges are looked for where the direction is given.
@@ -53,7 +53,7 @@ class LightingParameters:
         enough_edges: edges that stand alone, from which on those beside other edges are left out.
         pair_clear: heights of a pixel around the middle of either side of an edge that must be wholly lit or wholly shaded.
         pair_samples: of the irradiance at each place.
-        pair_correlated: neighbouring pairs share what is wrong with them: one in so many stands for itself.
+        pair_correlated: neighbouring pairs share what is wrong with them: one in this many counts as independent.
         most_pairs: places on edges whose sides are compared.
         fewest_pairs: that determine an irradiance.
         mask_fineness: size of the mask's texels, relative to the patch's pixels as the sun sees them.
@@ -78,6 +78,8 @@ class LightingParameters:
         clipped_lit: share of the strongest irradiance from the source from which on a point contributes to them.
         clipped_rounds: in which several sources are recovered, each with what the last round found of the others.
         clipped_place_error: relative error of the light at a place of known albedo.
+        clipped_contradiction: times the light that one click gives a source, or an albedo, from which on another one
+            contradicts it.
         clipped_gain_spread: how much the gains of lamps of one room may differ, relative to their common one, where places
             do not distinguish them.
         clipped_largest_error: relative standard error of a gain from falloff beyond which the photograph does not
@@ -87,7 +89,7 @@ class LightingParameters:
         falloff_samples: of the irradiance at each.
         falloff_fewest_points: on a surface.
         falloff_clearly: how much larger the misfit must be far beyond the gain that is found.
-        falloff_correlated: neighbouring points share what is wrong with them: one in so many stands for itself.
+        falloff_correlated: neighbouring points share what is wrong with them: one in this many counts as independent.
         gloss_least_explained: share of the variation of albedo that must go with the highlights.
         gloss_least_certain: share of the bootstrap's resamples in which any of it must do so.
         gloss_widest: interval of roughness from which on the photograph does not determine it.
@@ -167,6 +169,7 @@ class LightingParameters:
     clipped_lit: Share = 0.3
     clipped_rounds: Count = 3
     clipped_place_error: Positive = 0.05
+    clipped_contradiction: Annotated[Positive, Field(gt=1.0)] = 3.0
     clipped_gain_spread: Positive = 1.0
     clipped_largest_error: Positive = 0.3
     not_clipped: Share = 0.1

@@ -14,12 +14,12 @@ class PlaceParameters:
     Attributes:
         sun_light_share: of the light samples for irradiance, for each declared sun.
         most_suns_light_share: the same for all suns together, at most.
-        least_path_share: of the light paths, for the photograph and for all declared suns together, at least; what of the
-            photograph's light stands out decides.
+        least_path_share: of the light paths, for all declared suns together, at least; what of the photograph's light
+            stands out decides.
         least_photograph_share: of the light samples, for each of several photographs, at least.
         least_importance: of a pixel that counts at all, relative to one of a point that no other photograph sees.
         feather: degrees over which a photograph fades out toward an edge of what hides something from it,
-        fewest_feather_pixels: but so many pixels at least.
+        fewest_feather_pixels: but at least this many pixels.
         unsure_pixels: pixels beside an edge that may lie on either side of it.
         depth_jump: relative deviation of a distance's reciprocal from its continuation along the surface, above which
             another surface begins.

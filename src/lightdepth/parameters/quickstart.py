@@ -20,7 +20,7 @@ class QuickstartParameters:
         blue: natural logarithm of blue over red from which light is that of the sky, or of what the sky lights.
         blue_share: share of the directions above the horizon with such light from which on the place is in the open. Of
             the photographs looked at, five rooms have up to 0.17, two meadows and a courtyard 0.70 and more.
-        grey_sky: a zenith that is smooth, and so many times as bright as the ground, is an overcast sky where there are no
+        grey_sky: a smooth zenith this many times as bright as the ground is an overcast sky where there are no
             walls.
         smooth: standard deviation of the logarithm of luminance within some degrees.
         ground_radius: of the ground in the open, metres.

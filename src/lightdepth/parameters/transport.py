@@ -16,14 +16,14 @@ class TransportParameters:
 
     Attributes:
         candidates: RIS candidates for each shadow ray; one is kept, in proportion to the light that would arrive
-            unoccluded. More cost more than they gain once the brightest few lights are told apart.
+            unoccluded. More cost more than they gain once the brightest few lights are distinguished.
         unlikely_sun: share of the vertices that test whether a declared sun is visible, among those where its shadow map
             finds that it is not.
         directed_share: of the scattered rays at support, that are object-directed where the objects fill a small part of
             the view.
         far_from_objects: radii of an object's sphere from which on such rays go around it as well, so that it looks as
             large as from there;
-        surroundings: at most so many radii around its centre.
+        surroundings: at most this many radii around its centre.
         glossy_share: of the other ones, that sample the specular lobe of a glossy surface that is not black beneath.
         mirrors_all: share of the paths that come from an object to a glossy surface and follow what its lobe mirrors, of
             all light; the others follow the change of its matte part.
@@ -31,6 +31,8 @@ class TransportParameters:
         expanded_triangles: meshes that stand at many places become one mesh of at most this many triangles; beyond, each
             stands once in memory, and rays take longer to find it.
         roulette_depth: scatterings before Russian roulette by throughput begins.
+        aimed_density: times the density of even directions over a hemisphere, from which on a direction was aimed at
+            something small.
         largest_survival: probability with which a path goes on at most, so that none is endless.
         roulette_gain: between support surfaces, a path survives Russian roulette in proportion to the share of the
             hemisphere that objects fill: the factor on that share.
@@ -66,6 +68,7 @@ class TransportParameters:
     most_spheres: Count = 6
     expanded_triangles: Count = 500_000
     roulette_depth: Depth = 3
+    aimed_density: Positive = 256.0
     largest_survival: Probability = 0.99
     roulette_gain: NotNegative = 6.0
     smallest_reach: Probability = 0.75

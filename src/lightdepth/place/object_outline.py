@@ -119,7 +119,7 @@ def _merged(
 
 
 def _neighbours(points: NDArray[np.floating], count: int) -> list[NDArray[np.intp]]:
-    """Points in at most ``count`` groups, as indices: those that extend farthest are halved until there are so many."""
+    """Points in at most ``count`` groups, as indices: those that extend farthest are halved until there are that many."""
     everything = np.arange(len(points))
     heap = [(-float(np.ptp(points, axis=0).max()), 0, everything)]
     for number in range(1, count):

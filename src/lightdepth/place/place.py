@@ -68,9 +68,10 @@ class Place:
         self.plate: SeenPlate | None = None
         share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.suns), 1))
         self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
-        # Light that hardly stands out is left to camera paths, in the light of suns too.
-        least = parameters.least_path_share
-        path_share = min(max(1.0 - self.standing_out, least), 1.0 - least) / max(len(self.suns), 1)
+        # Light that hardly stands out is left to camera paths, in the light of suns too. As in the power heuristic the
+        # stronger one gets more than its share: few paths that carry much light are specks.
+        map_worth, suns_worth = self.standing_out**2, (1.0 - self.standing_out) ** 2
+        path_share = max(suns_worth / (map_worth + suns_worth), parameters.least_path_share) / max(len(self.suns), 1)
         self.path_shares = (1.0 - path_share * len(self.suns), *(path_share for _ in self.suns))
 
     @property
@@ -139,7 +140,7 @@ class Place:
         if not self.suns:
             return lights.sample(u, mi.Bool(True))
         begin = shares[0]
-        light = lights.sample(u / begin, u < begin)
+        light = lights.sample(u / max(begin, 1e-9), u < begin)
         light.density *= begin
         for sun, share in zip(self.suns, shares[1:], strict=True):
             sample = sun.sample(dr.clip((u - begin) / share, 0.0, 1.0), v)

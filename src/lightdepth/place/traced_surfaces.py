@@ -1,7 +1,7 @@
 """The real and the synthetic surfaces as Mitsuba scenes, traced side by side, and tables of the real faces.
 
 What is removed is there before the change, and not afterwards: it is in ``real``, but not in ``kept``, ``all`` and
-``shown``. In its place, ``synthetic`` and ``all`` have shapes that let light pass, where paths learn that it went.
+``shown``. In its place, ``synthetic`` and ``all`` have shapes that let light pass, where paths find that it is gone.
 """
 
 from __future__ import annotations

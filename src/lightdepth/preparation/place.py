@@ -86,7 +86,7 @@ def prepare_place(
     # What is deformed took its colour, and the light that goes with it, where it was when it was photographed.
     photographed = replace(modelled, vertices=modelled.rest)
     traced = TracedSurfaces(photographed)
-    balance = solve_gains(scene.panoramas, traced)
+    balance = solve_gains(scene.panoramas, traced, scene.render.parameters.balance)
     if balance.problem is not None:
         raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
     suns = masked_suns(scene)
@@ -177,6 +177,7 @@ def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
         choices,
         parameters,
         settings.parameters.place,
+        settings.parameters.balance,
         settings.parameters.lighting,
         str(mi.variant()),
         mi.__version__,

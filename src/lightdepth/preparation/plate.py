@@ -32,16 +32,17 @@ def with_plate(place: Place, scene: Scene, prepared: PreparedPlace) -> Place:
     if plate is None:
         return place
     view, kept = scene.cameras[plate.camera], prepared.seen_plates
-    key = digest(plate.radiance, plate.gain, view_digest(view), scene.render.parameters.recovery)
+    tuned = scene.render.parameters
+    key = digest(plate.radiance, plate.gain, view_digest(view), tuned.recovery, tuned.balance)
     if key not in kept:
         if plate.gain is None:
-            balance = solve_plate_gain(plate.radiance, view, prepared.place)
+            balance = solve_plate_gain(plate.radiance, view, prepared.place, tuned=tuned.balance)
             if balance.problem is not None:
                 raise InputError(f"{scene.path or 'scene'}: {plate_name(scene)}: {balance.problem}")
             gain = balance.gain
         else:
             gain = np.asarray(plate.gain, np.float32)
-        mirrored = plate_mirrored(prepared.place, view, parameters=scene.render.parameters.recovery)
+        mirrored = plate_mirrored(prepared.place, view, parameters=tuned.recovery)
         kept[key] = SeenPlate(plate.radiance, view, gain, prepared.place.surfaces, mirrored)
         while len(kept) > KEPT:
             kept.pop(next(iter(kept)))

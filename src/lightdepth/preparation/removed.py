@@ -1,4 +1,4 @@
-"""What is removed from the picture, as a shape that lets all light pass: where paths meet it, they learn that it went.
+"""What is removed from the picture, as a shape that lets all light pass: where paths meet it, they know that it is gone.
 
 Theory, section 11.
 """

@@ -12,8 +12,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
 from lightdepth.directions import pixel_solid_angles
-from lightdepth.errors import InputError
-from lightdepth.images.distances import Kind, along_rays, check_kind, read_distances, warn_of_doubts
+from lightdepth.errors import InputError, warn
+from lightdepth.images.distances import Kind, along_rays, check_kind, read_distances, warn_of_sky, warn_of_unit
 from lightdepth.regions import connected_regions
 
 FloatArray = NDArray[np.float64]
@@ -21,6 +21,9 @@ FloatArray = NDArray[np.float64]
 LARGEST_HOLE = np.radians(60.0)
 """Half-angle of a hole that is closed by going on with the surfaces around it; larger ones are closed flatly."""
 
+
+MUCH = 0.05
+"""Share of all directions from which on it is reported that they were not measured."""
 
 FILTER_WIDTH = 9
 """Pixels."""
@@ -93,8 +96,16 @@ def read_depth_image(
         depth[depth >= sky_beyond] = np.inf
     if not np.isfinite(depth).any():
         raise InputError(f"{path}: no pixel holds a positive, finite distance")
+    warn_of_sky(path, depth)
     if scale is None:
-        warn_of_doubts(path, depth)
+        warn_of_unit(path, depth)
+    unmeasured = np.isnan(depth)
+    share = float((unmeasured.mean(axis=1) * pixel_solid_angles(*depth.shape)).sum() * depth.shape[1] / (4.0 * np.pi))
+    if share > MUCH:
+        warn(
+            f"{path}: {100.0 * share:.0f} % of all directions were not measured (0, negative, or no number) and are "
+            "closed by going on with the surfaces around them; if that is the sky, give --sky"
+        )
     return DepthImage(depth)
 
 

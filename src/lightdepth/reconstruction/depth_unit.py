@@ -28,9 +28,9 @@ LEAST_FLOOR = 0.15
 LEAST_SCORE = 0.35
 """What floor, and half of the ceiling, must hold less what lies below the floor; noise has up to 0.3."""
 NEEDED_GAIN = 1.15
-"""A shift is believed where floor and ceiling hold so many times as much with it."""
+"""A shift is accepted where floor and ceiling hold this many times as much with it."""
 SURER = 1.2
-"""One kind is believed where it explains so many times as much as the other."""
+"""One kind is accepted where it explains this many times as much as the other."""
 CEILINGS = (0.25, 6.0)
 """Heights above the camera that a ceiling may have, camera heights."""
 

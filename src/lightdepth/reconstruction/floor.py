@@ -6,12 +6,14 @@ Fischler and Bolles, Random Sample Consensus, 1981.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from lightdepth.errors import InputError
+from lightdepth.errors import InputError, warn
+from lightdepth.reconstruction.pose import Pose
 from lightdepth.reconstruction.simplification import simplified
 from lightdepth.scene.model import Mesh
 
@@ -19,10 +21,14 @@ FloatArray = NDArray[np.float64]
 
 TRIALS = 500
 SAMPLE = 20_000
+UNITS = {"feet": 3.2808, "inches": 39.37, "centimetres": 100.0, "millimetres": 1000.0}
+"""What other programs than ours may count in, units in a metre."""
+HIGHEST = 30.0
+"""Metres that a lens is rarely above the floor."""
 LOWER_STEP = 0.1
 """A floor hides at least this far, in metres, below a table or bed that was taken for it."""
 LOWER_SHARE = 0.25
-"""It is believed where at least this share of the higher plane's points lie on it."""
+"""It is accepted where at least this share of the higher plane's points lie on it."""
 
 FLATTEST = 0.2
 """Cosine to the plane's normal of a face that can be laid flat without becoming a sliver."""
@@ -54,6 +60,28 @@ class Plane:
     def tilt(self) -> float:
         """Angle to the horizontal, degrees."""
         return float(np.degrees(np.arccos(np.clip(self.normal[2], -1.0, 1.0))))
+
+
+def warn_of_height(path: Path, floor: Plane | None, pose: Pose) -> None:
+    """Warn where the floor lies as far below the lens as if the file's unit were another than was taken.
+
+    Args:
+        path: the file, for messages.
+        floor: as found; ``None`` where none was asked for.
+        pose: of the panorama, whose height is usually that above the floor.
+    """
+    if floor is None:
+        return
+    stated = float(pose.position[2])
+    above = float(floor.heights(pose.position[None])[0])
+    unit = next((name for name, units in UNITS.items() if stated > 0.2 and 0.9 < above / stated / units < 1.1), None)
+    if unit is not None:
+        warn(
+            f"{path}: its floor lies {above:.4g} m below the lens, and the pose has the lens {stated:.3g} m above the "
+            f"origin; if the file is in {unit}, --scale {1.0 / UNITS[unit]:.4g} converts it"
+        )
+    elif above > HIGHEST:
+        warn(f"{path}: its floor lies {above:.4g} m below the lens; if the file is not in metres, --scale converts it")
 
 
 def find_floor(

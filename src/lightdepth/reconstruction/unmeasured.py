@@ -114,7 +114,7 @@ def _planes(
     needed = max(SMALLEST_SHARE * ring.sum(), 30)
     while left.sum() > needed:
         trials = random.choice(np.flatnonzero(left), TRIALS)
-        some = random.choice(np.flatnonzero(left), min(JURY, left.sum()), replace=False)
+        some = random.choice(np.flatnonzero(left), min(JURY, int(left.sum())), replace=False)
         counts = [_on(points[some], normals[some], normals[i], normals[i] @ points[i], cell).sum() for i in trials]
         best = trials[int(np.argmax(counts))]
         normal, offset = normals[best], normals[best] @ points[best]

@@ -6,6 +6,7 @@ disagrees beyond that is something else: people who walked, mirrors, a wrong pos
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,31 +18,11 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from lightdepth.directions import direction_to_latlong, pixel_directions
 from lightdepth.kernel.variables import as_vectors
+from lightdepth.parameters.balance import DEFAULT, BalanceParameters
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.regions import connected_regions
 from lightdepth.scene.model import Panorama
-
-ROWS = 96
-"""Of the grid of directions from each capture point, on the sphere: about two degrees."""
-CLEAR = 0.5
-"""Clarity and mask from which on a photograph is sure to show a point."""
-STEEP = 0.2
-"""Cosine below which a surface is seen at too grazing an angle."""
-FEWEST = 40
-"""Points that two photographs must both see."""
-DARK, BRIGHT = 0.02, 10.0
-"""Times the median radiance; what is darker is noise, what is brighter may be clipped, or shine to one side."""
-RIM = 2
-"""Pixels around what is bright that it may have spilled into."""
-SCALE = 0.05
-"""Deviation of logarithms up to which points count in full;"""
-ROUNDS = 20
-"""how often their weights are computed again."""
-DISAGREES = float(np.log(1.25))
-"""Deviation, of logarithms, from which on two photographs disagree about a point."""
-TOO_FAR = float(np.log(1.35))
-"""Typical deviation that no gain explains: the photographs do not show the same."""
 
 
 @dataclass(frozen=True)
@@ -105,23 +86,24 @@ class _Pairs:
     most: NDArray[np.float64]
 
 
-def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> Balance:
+def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces, tuned: BalanceParameters = DEFAULT) -> Balance:
     """Solve the gains of the photographs that are not balanced; those of the others are 1.
 
     Args:
         panoramas: of one place, the first of them balanced.
         surfaces: the real surfaces, as they were photographed.
+        tuned: what no gain explains, among others.
     """
     count = len(panoramas)
     ones = np.ones((count, 3), np.float32)
     if count == 1:
         return Balance(ones, (0,), (np.nan,), (None,))
-    pairs = _pairs(panoramas, surfaces)
+    pairs = _pairs(panoramas, surfaces, tuned)
     free = np.array([not panorama.balanced for panorama in panoramas])
-    alone = _unconnected(pairs, free)
+    alone = _unconnected(pairs, free, tuned.fewest)
     if alone is not None:
         return Balance(ones, (0,) * count, (np.nan,) * count, (None,) * count, _shares_nothing(panoramas, alone))
-    logs = np.stack([_solved(pairs, free, channel) for channel in range(3)], axis=1)
+    logs = np.stack([_solved(pairs, free, channel, tuned) for channel in range(3)], axis=1)
     gain = logs[pairs.first] - logs[pairs.second]
     left = np.abs(pairs.ratio + gain).max(axis=1)
     # An edge that lies half a pixel beside its place is no disagreement.
@@ -129,11 +111,11 @@ def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> Bala
     mine = [pairs.first == index for index in range(count)]
     deviation = tuple(float(np.expm1(np.median(left[each]))) if each.any() else np.nan for each in mine)
     disagreements = tuple(
-        _disagreement(panorama, pairs, each, surely) for panorama, each in zip(panoramas, mine, strict=True)
+        _disagreement(panorama, pairs, each, surely, tuned) for panorama, each in zip(panoramas, mine, strict=True)
     )
     worst = int(np.nanargmax([*deviation[1:], -1.0])) + 1
     problem = None
-    if worst < count and np.log1p(deviation[worst]) > TOO_FAR:
+    if worst < count and np.log1p(deviation[worst]) > math.log(tuned.too_far):
         problem = (
             f"{_name(panoramas, worst)}: what it shares with the other panoramas differs by {100.0 * deviation[worst]:.0f} "
             "% in the typical point, which no gain explains; is its pose right, and was it taken in the same light?"
@@ -143,14 +125,15 @@ def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> Bala
     )
 
 
-def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> _Pairs:
+def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces, tuned: BalanceParameters) -> _Pairs:
+    rows = tuned.grid_rows
     photographs = [Photograph(each, surfaces).beside_others(each) for each in panoramas]
     ranges = [_ranges(each.shown_radiance) for each in panoramas]
-    bright = [mi.Bool(_near_bright(each.shown_radiance).reshape(-1)) for each in panoramas]
-    grid = pixel_directions(ROWS, 2 * ROWS).reshape(-1, 3)
-    # A grid on the sphere is denser toward the poles: of each row, so many that all stand for the same angle.
-    row, column = np.divmod(np.arange(len(grid)), 2 * ROWS)
-    share = np.sin(np.pi * (row + 0.5) / ROWS)
+    bright = [mi.Bool(_near_bright(each.shown_radiance, tuned).reshape(-1)) for each in panoramas]
+    grid = pixel_directions(rows, 2 * rows).reshape(-1, 3)
+    # A grid on the sphere is denser toward the poles: each row keeps so few that all stand for the same solid angle.
+    row, column = np.divmod(np.arange(len(grid)), 2 * rows)
+    share = np.sin(np.pi * (row + 0.5) / rows)
     kept = np.floor((column + 1) * share) > np.floor(column * share)
     parts: list[tuple[NDArray, ...]] = []
     for index, (panorama, photograph) in enumerate(zip(panoramas, photographs, strict=True)):
@@ -169,8 +152,8 @@ def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> _Pairs:
             clear = hit.valid & clear_here
             clear &= ~dr.gather(mi.Bool, bright[other], another.map.pixel(sighting.direction))
             for each in (own, sighting):
-                clear &= (each.clarity > CLEAR) & (each.counts > CLEAR)
-                clear &= dr.abs(dr.dot(hit.normal, each.toward)) > STEEP
+                clear &= (each.clarity > tuned.clear) & (each.counts > tuned.clear)
+                clear &= dr.abs(dr.dot(hit.normal, each.toward)) > tuned.steep
             clear &= dr.dot(hit.normal, own.toward) * dr.dot(hit.normal, sighting.toward) > 0.0
             both = clear.numpy()
             values = shown.numpy().T[both].astype(np.float64), there.numpy().T[both].astype(np.float64)
@@ -178,7 +161,7 @@ def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces) -> _Pairs:
                 continue
             usable = np.ones(len(values[0]), bool)
             for value in values:
-                usable &= value.min(axis=1) > DARK * np.median(value)
+                usable &= value.min(axis=1) > tuned.dark * np.median(value)
             (darkest, brightest), (darkest_there, brightest_there) = (
                 [around[each.map.pixel(seen.direction).numpy()[both][usable]] for around in ranges[number]]
                 for each, seen, number in ((photograph, own, index), (another, sighting, other))
@@ -212,14 +195,16 @@ def _ranges(radiance: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray
     return darkest.reshape(-1, 3), brightest.reshape(-1, 3)
 
 
-def _near_bright(radiance: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _near_bright(radiance: NDArray[np.float32], tuned: BalanceParameters) -> NDArray[np.bool_]:
     """Pixels that are much brighter than the typical one, and those around them, shape (height, 2 height)."""
     brightest = radiance.max(axis=2)
-    size = 2 * RIM + 1
-    return np.asarray(maximum_filter(brightest > BRIGHT * np.median(brightest), size, mode=("nearest", "wrap")), bool)
+    size = 2 * tuned.bright_rim + 1
+    return np.asarray(
+        maximum_filter(brightest > tuned.bright * np.median(brightest), size, mode=("nearest", "wrap")), bool
+    )
 
 
-def _unconnected(pairs: _Pairs, free: NDArray[np.bool_]) -> int | None:
+def _unconnected(pairs: _Pairs, free: NDArray[np.bool_], fewest: int) -> int | None:
     """A photograph whose gain nothing determines, or ``None``."""
     known = set(np.flatnonzero(~free).tolist())
     while len(known) < len(free):
@@ -227,7 +212,7 @@ def _unconnected(pairs: _Pairs, free: NDArray[np.bool_]) -> int | None:
         reached = [
             index
             for index in range(len(free))
-            if index not in known and np.count_nonzero(inside & (pairs.second == index)) >= FEWEST
+            if index not in known and np.count_nonzero(inside & (pairs.second == index)) >= fewest
         ]
         if not reached:
             return min(index for index in range(len(free)) if index not in known)
@@ -235,7 +220,7 @@ def _unconnected(pairs: _Pairs, free: NDArray[np.bool_]) -> int | None:
     return None
 
 
-def _solved(pairs: _Pairs, free: NDArray[np.bool_], channel: int) -> NDArray[np.float64]:
+def _solved(pairs: _Pairs, free: NDArray[np.bool_], channel: int, tuned: BalanceParameters) -> NDArray[np.float64]:
     """Logarithms of the gains of one channel, by iteratively reweighted least squares with Cauchy's weights."""
     logs = np.zeros(len(free))
     unknown = np.flatnonzero(free)
@@ -249,26 +234,31 @@ def _solved(pairs: _Pairs, free: NDArray[np.bool_], channel: int) -> NDArray[np.
         for second in range(len(free)):
             chosen = (pairs.first == first) & (pairs.second == second)
             if chosen.any():
-                weight[chosen] = 1.0 / (1.0 + np.square((ratio[chosen] - np.median(ratio[chosen])) / SCALE))
-    for _ in range(ROUNDS):
+                weight[chosen] = 1.0 / (1.0 + np.square((ratio[chosen] - np.median(ratio[chosen])) / tuned.scale))
+    for _ in range(tuned.rounds):
         scaled = np.sqrt(weight)[:, None]
         logs[unknown] = np.linalg.lstsq(design * scaled, -ratio * scaled[:, 0], rcond=None)[0]
         left = ratio + logs[pairs.first] - logs[pairs.second]
-        weight = 1.0 / (1.0 + np.square(left / SCALE))
+        weight = 1.0 / (1.0 + np.square(left / tuned.scale))
     return logs
 
 
 def _disagreement(
-    panorama: Panorama, pairs: _Pairs, mine: NDArray[np.bool_], left: NDArray[np.float64]
+    panorama: Panorama,
+    pairs: _Pairs,
+    mine: NDArray[np.bool_],
+    left: NDArray[np.float64],
+    tuned: BalanceParameters,
 ) -> Disagreement | None:
     """Where one photograph's points disagree with the others'."""
-    off = mine & (left > DISAGREES)
+    off = mine & (left > math.log(tuned.disagrees))
     if not off.any():
         return None
-    marked = np.zeros(2 * ROWS * ROWS, bool)
+    rows = tuned.grid_rows
+    marked = np.zeros(2 * rows * rows, bool)
     marked[pairs.cell[off]] = True
     # The grid has gaps toward the poles.
-    regions, _ = connected_regions(_closed(marked.reshape(ROWS, 2 * ROWS)))
+    regions, _ = connected_regions(_closed(marked.reshape(rows, 2 * rows)))
     of_point = regions.reshape(-1)[pairs.cell[off]]
     largest = np.bincount(of_point).argmax()
     inside = np.flatnonzero(off)[of_point == largest]
@@ -293,7 +283,7 @@ def _closed(marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
 def _shares_nothing(panoramas: Sequence[Panorama], alone: int) -> str:
     return (
         f"{_name(panoramas, alone)}: sees next to nothing that another panorama sees too, so that its gain cannot be "
-        "solved; mend its pose or the model, or give its gain"
+        "solved; correct its pose or the model, or give its gain"
     )
 
 

@@ -1,11 +1,12 @@
 """The gain of a plate: from what the panoramas show of a surface to what the plate shows of it, per channel.
 
 Theory, section 10, eq. (16). Exposure and white balance are a factor per channel. Where the plate differs by more, its
-camera is wrong, the light was another, or a tone curve was applied to it, and no factor can mend that.
+camera is wrong, the light was another, or a tone curve was applied to it, and no factor can correct that.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import drjit as dr
@@ -15,26 +16,8 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.kernel.arrays import aligned
+from lightdepth.parameters.balance import DEFAULT, BalanceParameters
 from lightdepth.place.place import Place
-
-BLOCKS = 96
-"""Across the plate: their means are compared, so that a pixel's noise, or an edge beside its place, matters little."""
-POINTS = 4
-"""Along each side of a block, at which the panoramas are asked."""
-STEEP = 0.2
-"""Cosine below which a surface is seen at too grazing an angle."""
-DARK, BRIGHT = 0.02, 10.0
-"""Times the median; what is darker is noise, what is brighter may be clipped."""
-CLIPPED = 0.98
-"""Times its largest value, from which on a pixel may be clipped."""
-FEWEST = 40
-"""Blocks that plate and panoramas must share."""
-DISAGREES = float(np.log(1.25))
-"""Deviation, of logarithms, from which on a block disagrees."""
-TOO_FAR = float(np.log(1.35))
-"""Typical deviation that no gain explains."""
-CURVED, TOGETHER = 1.25, 0.8
-"""Contrast of the plate over that of the panoramas, or its inverse, that no gain explains, where they are so correlated."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +44,11 @@ class PlateBalance:
 
 
 def solve_plate_gain(
-    radiance: NDArray[np.float32], view: Viewpoint, place: Place, given: tuple[float, float, float] | None = None
+    radiance: NDArray[np.float32],
+    view: Viewpoint,
+    place: Place,
+    given: tuple[float, float, float] | None = None,
+    tuned: BalanceParameters = DEFAULT,
 ) -> PlateBalance:
     """Solve the gain of a plate, or compare a given one.
 
@@ -70,15 +57,16 @@ def solve_plate_gain(
         view: its camera.
         place: the photographed place.
         given: the gain, where it is known.
+        tuned: what no gain explains, among others.
     """
-    size = max(1, round(view.resolution[0] / BLOCKS))
-    shown, seen = _panoramas(view, place, size)
-    ratio, dark = _ratios(radiance, shown, seen.comparable, size)
+    size = max(1, round(view.resolution[0] / tuned.plate_blocks))
+    shown, seen = _panoramas(view, place, size, tuned)
+    ratio, dark = _ratios(radiance, shown, seen.comparable, size, tuned)
     gain = np.ones(3, np.float32) if given is None else np.asarray(given, np.float32)
-    if len(ratio) < FEWEST:
+    if len(ratio) < tuned.fewest:
         nothing = (
             f"shows next to nothing that a panorama sees too ({len(ratio)} of {seen.comparable.size} parts of it can "
-            "be compared), so that its gain cannot be solved; mend the camera or the model, or give gain = [r, g, b]"
+            "be compared), so that its gain cannot be solved; correct the camera or the model, or give gain = [r, g, b]"
         )
         return PlateBalance(gain, len(ratio), np.nan, 0.0, seen.modelled, seen.seen, nothing if given is None else None)
     if given is None:
@@ -87,19 +75,19 @@ def solve_plate_gain(
     typical = float(np.median(off))
     problem = None
     if given is None:
-        contrast = _contrast(ratio, dark)
-        if contrast is not None and not 1.0 / CURVED <= contrast <= CURVED:
+        contrast = _contrast(ratio, dark, tuned.plate_correlation)
+        if contrast is not None and not 1.0 / tuned.plate_contrast <= contrast <= tuned.plate_contrast:
             problem = (
                 f"its contrast is {contrast:.2g} times that of the panoramas, which no gain explains: it is not linear "
                 "(a log or video curve, or a look); give the plate as linear EXR, or as it left the camera, or give gain = "
                 "[r, g, b]"
             )
-        elif typical > TOO_FAR:
+        elif typical > math.log(tuned.too_far):
             problem = (
                 f"differs from the panoramas by {100.0 * np.expm1(typical):.0f} % in the typical part, which no gain "
                 "explains; is its camera right, and was it taken in the same light? If so, give gain = [r, g, b]"
             )
-    disagrees = float((off > DISAGREES).mean())
+    disagrees = float((off > math.log(tuned.disagrees)).mean())
     return PlateBalance(gain, len(ratio), float(np.expm1(typical)), disagrees, seen.modelled, seen.seen, problem)
 
 
@@ -118,7 +106,7 @@ class _Seen:
     seen: float
 
 
-def _panoramas(view: Viewpoint, place: Place, size: int) -> tuple[NDArray[np.float64], _Seen]:
+def _panoramas(view: Viewpoint, place: Place, size: int, tuned: BalanceParameters) -> tuple[NDArray[np.float64], _Seen]:
     """Mean of what the panoramas show in each block of ``size`` pixels along each side, shape (rows, columns, 3)."""
     width, height = view.resolution
     columns, rows = width // size, height // size
@@ -127,16 +115,17 @@ def _panoramas(view: Viewpoint, place: Place, size: int) -> tuple[NDArray[np.flo
     comparable = np.ones(rows * columns, bool)
     normal: NDArray | None = None
     modelled = seen = 0.0
-    for i, j in np.ndindex(POINTS, POINTS):
+    points = tuned.plate_points
+    for i, j in np.ndindex(points, points):
         # As data: numbers in the program would compile the same large kernel for each of the points.
-        x, y = (column + (i + 0.5) / POINTS) * (size / width), (row + (j + 0.5) / POINTS) * (size / height)
+        x, y = (column + (i + 0.5) / points) * (size / width), (row + (j + 0.5) / points) * (size / height)
         rays = view.rays(mi.Point2f(mi.Float(aligned(x)), mi.Float(aligned(y))), mi.Point2f(0.5))
         hit = place.surfaces.first_real(rays.ray, rays.inside)
         shared = mi.Bool(False)
         for share in place.photograph.shares(hit, rays.ray):
             shared |= share > 0.0
         shared &= hit.valid
-        good = shared & (hit.gloss == 0) & (dr.abs(dr.dot(hit.normal, rays.ray.d)) > STEEP)
+        good = shared & (hit.gloss == 0) & (dr.abs(dr.dot(hit.normal, rays.ray.d)) > tuned.steep)
         colour = place.photograph.sharp(hit, rays.ray)
         dr.eval(hit.valid, hit.normal, shared, good, colour)
         total += colour.numpy().T
@@ -145,33 +134,36 @@ def _panoramas(view: Viewpoint, place: Place, size: int) -> tuple[NDArray[np.flo
         here = hit.normal.numpy().T
         normal = here if normal is None else normal
         comparable &= good.numpy() & (np.einsum("ij,ij->i", here, normal) > 1.0 - 1e-3)
-    points = POINTS**2
-    known = _Seen(comparable.reshape(rows, columns), modelled / points, seen / points)
-    return (total / points).reshape(rows, columns, 3), known
+    known = _Seen(comparable.reshape(rows, columns), modelled / points**2, seen / points**2)
+    return (total / points**2).reshape(rows, columns, 3), known
 
 
 def _ratios(
-    radiance: NDArray[np.float32], shown: NDArray[np.float64], comparable: NDArray[np.bool_], size: int
+    radiance: NDArray[np.float32],
+    shown: NDArray[np.float64],
+    comparable: NDArray[np.bool_],
+    size: int,
+    tuned: BalanceParameters,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Logarithms of the ratios of plate and panoramas, and of the panoramas themselves, in usable blocks, shapes (n, 3)."""
     rows, columns = comparable.shape
     blocks = radiance[: rows * size, : columns * size].reshape(rows, size, columns, size, 3)
     plate = blocks.mean(axis=(1, 3), dtype=np.float64)
-    usable = comparable & (blocks.max(axis=(1, 3)) < CLIPPED * radiance.max(axis=(0, 1))).all(axis=2)
+    usable = comparable & (blocks.max(axis=(1, 3)) < tuned.plate_clipped * radiance.max(axis=(0, 1))).all(axis=2)
     for image in (plate, shown):
         middle = np.median(image[usable], axis=0) if usable.any() else np.ones(3)
-        usable &= (image > DARK * middle).all(axis=2) & (image < BRIGHT * middle).all(axis=2)
+        usable &= (image > tuned.dark * middle).all(axis=2) & (image < tuned.bright * middle).all(axis=2)
     panoramas = np.log(shown[usable])
     return np.log(plate[usable]) - panoramas, panoramas
 
 
-def _contrast(ratio: NDArray[np.float64], panoramas: NDArray[np.float64]) -> float | None:
+def _contrast(ratio: NDArray[np.float64], panoramas: NDArray[np.float64], correlation: float) -> float | None:
     """Contrast of the plate over that of the panoramas, as an exponent; ``None`` where they do not go together.
 
     By the ratio of their deviations (the reduced major axis), which noise in either changes little where both have some.
     """
     one, other = panoramas.mean(axis=1), (panoramas + ratio).mean(axis=1)
     spreads = np.std(one), np.std(other)
-    if min(spreads) <= 0.0 or np.corrcoef(one, other)[0, 1] < TOGETHER:
+    if min(spreads) <= 0.0 or np.corrcoef(one, other)[0, 1] < correlation:
         return None
     return float(spreads[1] / spreads[0])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
-from lightdepth.images.distances import check_kind, read_distances, warn_of_doubts
+from lightdepth.images.distances import check_kind, read_distances, warn_of_sky, warn_of_unit
 
 
 def read_depth(path: Path) -> NDArray[np.float32]:
@@ -35,5 +35,6 @@ def read_depth(path: Path) -> NDArray[np.float32]:
             f"{path}: {bad.sum()} of {bad.size} distances are not positive, the first, {depth[row, column]}, in row "
             f"{row}, column {column}; allowed are metres above 0, and inf for sky"
         )
-    warn_of_doubts(path, depth)
+    warn_of_sky(path, depth)
+    warn_of_unit(path, depth)
     return np.ascontiguousarray(depth, dtype=np.float32)

@@ -71,7 +71,7 @@ class SceneFrames:
     def table_problems(self) -> tuple[str, ...]:
         """What is wrong with the tables at all frames, a line each; no mesh and no panorama is read.
 
-        Of more than ``LOOKED_THROUGH`` frames, so many between the keys are looked at.
+        Of more than ``LOOKED_THROUGH`` frames, that many between the keys are looked at.
         """
         first, last = self.sequence.frames
         numbers = np.linspace(first, last, min(LOOKED_THROUGH, last - first + 1)).round()

@@ -164,6 +164,8 @@ def _message(details: ErrorDetails, expected: Any) -> str:
             return f"{shortened(repr(found))} is not known{nearest(str(found), allowed)}"
         case "value_error":
             message = str(context["error"])
+        case "string_too_short":
+            message = "must not be empty"
         case "kind_of_object":
             return details["msg"]
         case _:

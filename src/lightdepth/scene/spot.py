@@ -201,14 +201,14 @@ def extents(
         Two arrays of shape (3,).
     """
     to_axes = axes.T @ linear
-    spans = []
+    spans: list[tuple[FloatArray, FloatArray]] = []
     for body in bodies:
         if isinstance(body, Mesh):
             along = body.vertices.astype(np.float64) @ to_axes.T
             spans.append((along.min(axis=0), along.max(axis=0)))
         else:
             spans.append(_shape_extents(body.kind, to_axes))
-    return np.min([low for low, _ in spans], axis=0), np.max([high for _, high in spans], axis=0)
+    return np.stack([low for low, _ in spans]).min(axis=0), np.stack([high for _, high in spans]).max(axis=0)
 
 
 def _shape_extents(kind: str, rows: FloatArray) -> tuple[FloatArray, FloatArray]:

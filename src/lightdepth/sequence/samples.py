@@ -81,8 +81,10 @@ class SampledFrames(SequenceRendering):
 
         if number not in self._read:
             scene = self._scene(number)
-            view, dark = find_camera(scene, self._wanted.job.camera), scene.render.parameters.film.dark
-            self._read[number] = SampledFrame(self.frame(number, NEEDED), view, self._scene_digest(number), dark)
+            view, tuned = find_camera(scene, self._wanted.job.camera), scene.render.parameters
+            self._read[number] = SampledFrame(
+                self.frame(number, NEEDED), view, self._scene_digest(number), tuned.film.dark, tuned.reuse
+            )
             width, height = view.resolution
             while len(self._read) * width * height > PIXELS_KEPT and len(self._read) > 1:
                 self._read.popitem(last=False)

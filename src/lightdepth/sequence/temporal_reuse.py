@@ -27,30 +27,8 @@ from lightdepth.cameras import Viewpoint
 from lightdepth.film.frame import Frame
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.start import DEVICE_LOCK
-from lightdepth.parameters.film import DEFAULT
-
-MOST_COVERAGE = 0.75
-"""Of a pixel by objects; what is left of it tells little of the support."""
-LEAST_ALBEDO = 0.02
-"""By which an object's radiance is divided; what is darker shows what it mirrors."""
-DARK = 1e-4
-"""Radiance relative to the photograph's median below which a relative change means nothing."""
-PLANE = 0.1
-"""Distance from the plane of a pixel's surface at which others still show the same one, in pixels there."""
-SAME_NORMAL = 0.9
-"""Cosine between the normals of two pixels that show the same surface."""
-FEWEST_TAPS = 0.5
-"""Share of the four pixels around a point, by their weight, that must show its surface."""
-WINDOWS = (1, 3, 9)
-"""Sides of the squares of pixels over which differences are tested: for edges, and for what is faint."""
-REJECTED = 9.0
-"""Squared differences above this many times their variance are no noise;"""
-AROUND = 5
-"""nothing within a square of so many pixels is taken over: where edges have moved, some pixels agree by chance."""
-MARGIN = max(WINDOWS) // 2 + AROUND // 2 + 1
-"""Pixels around one that have a part in that."""
-MIRRORING = 0.2
-"""Share of an object's pixels that are rejected above which it mirrors too much for the rest to be believed."""
+from lightdepth.parameters import film
+from lightdepth.parameters.reuse import DEFAULT, ReuseParameters
 
 
 @dataclass(frozen=True)
@@ -63,17 +41,19 @@ class SampledFrame:
         scene: digest of the scene: where those of two frames are equal, nothing has moved.
         dark: share of the median brightness below which errors do not count; see
             :class:`~lightdepth.parameters.film.FilmParameters`.
+        tuned: what it takes over from others.
     """
 
     frame: Frame
     view: Viewpoint
     scene: str
-    dark: float = DEFAULT.dark
+    dark: float = film.DEFAULT.dark
+    tuned: ReuseParameters = DEFAULT
 
     @cached_property
     def light(self) -> _Light:
         """What it found."""
-        return _Light.of(self.frame)
+        return _Light.of(self.frame, self.tuned)
 
     @cached_property
     def surfaces(self) -> _Surfaces:
@@ -101,7 +81,7 @@ class _Light:
     surface: NDArray[np.uint32]
 
     @classmethod
-    def of(cls, frame: Frame) -> _Light:
+    def of(cls, frame: Frame, tuned: ReuseParameters) -> _Light:
         assert frame.support is not None
         assert frame.object_id is not None
         assert frame.albedo is not None
@@ -109,12 +89,12 @@ class _Light:
         assert frame.variance is not None
         left = 1.0 - frame.coverage
         before = frame.plate * left[..., None]
-        support = frame.support & (frame.coverage <= MOST_COVERAGE)
-        support &= before.min(axis=2) > DARK * np.median(frame.plate[::4, ::4])
+        support = frame.support & (frame.coverage <= tuned.most_coverage)
+        support &= before.min(axis=2) > tuned.dark * np.median(frame.plate[::4, ::4])
         covered = (frame.object_id > 0) & (frame.coverage == 1.0)
         surface = np.where(support, 1, np.where(covered, frame.object_id + 1, 0)).astype(np.uint32)
         weight = np.where(support, frame.samples * left, np.where(covered, frame.samples, 0)).astype(np.float32)
-        scale = np.where(covered[..., None], np.maximum(frame.albedo, LEAST_ALBEDO), before).astype(np.float32)
+        scale = np.where(covered[..., None], np.maximum(frame.albedo, tuned.least_albedo), before).astype(np.float32)
         divisor = np.where((surface > 0)[..., None], scale, np.float32(np.inf)).astype(np.float32)
         relative = np.where(covered[..., None], frame.synthetic, frame.change) / divisor
         variance = frame.variance / np.square(divisor)
@@ -205,7 +185,7 @@ class _Pixels:
     """
 
     def __init__(self, mine: SampledFrame) -> None:
-        self._own = mine.light
+        self._own, self._tuned = mine.light, mine.tuned
         self.slots = np.flatnonzero(self._own.weight)
         if not len(self.slots):
             return
@@ -245,8 +225,8 @@ class _Pixels:
             beside, its_normal, _ = surfaces.at(tap)
             taken = dr.gather(mi.Float, surfaces.weight, tap, there.inside)
             same = (taken > 0.0) & (surfaces.which(tap) == self._which)
-            same &= dr.abs(dr.dot(beside - self._point, self._normal)) < PLANE * size
-            same &= dr.dot(self._normal, its_normal) > SAME_NORMAL
+            same &= dr.abs(dr.dot(beside - self._point, self._normal)) < self._tuned.plane * size
+            same &= dr.dot(self._normal, its_normal) > self._tuned.same_normal
             share = dr.select(same, (1.0 - dr.abs(x - left - right)) * (1.0 - dr.abs(y - top - below)), 0.0)
             counted = share * taken
             total += counted * dr.gather(mi.Color3f, surfaces.relative, tap, same)
@@ -254,7 +234,7 @@ class _Pixels:
             noise += counted * dr.gather(mi.Color3f, surfaces.variance, tap, same)
             weight += counted
             taps += share
-        enough = taps > FEWEST_TAPS
+        enough = taps > self._tuned.fewest_taps
         scale = dr.select(enough, dr.rcp(dr.maximum(weight, 1e-20)), 0.0)
         total, noise, weight = total * scale, noise * scale, dr.select(enough, weight, 0.0)
         dr.eval(total, noise, weight)
@@ -267,9 +247,10 @@ class _Pixels:
             return result
         height, width = self._own.weight.shape
         rows, columns = np.divmod(self.slots, width)
-        # Of the picture, only what lies around those in doubt.
+        # Of the picture, only what lies around those in doubt, and has a part in their squares.
+        margin = self._tuned.largest_window // 2 + self._tuned.around // 2 + 1
         (top, bottom), (left, right) = (
-            (max(int(each[doubtful].min()) - MARGIN, 0), min(int(each[doubtful].max()) + MARGIN + 1, size))
+            (max(int(each[doubtful].min()) - margin, 0), min(int(each[doubtful].max()) + margin + 1, size))
             for each, size in ((rows, height), (columns, width))
         )
         here = (rows >= top) & (rows < bottom) & (columns >= left) & (columns < right)
@@ -286,7 +267,9 @@ class _Pixels:
         difference = (found.relative[here] - own.relative[crop][part]).mean(axis=1)
         noise = (found.variance[here] + own.variance[crop][part]).mean(axis=1)
         compared = image(both)
-        differs = _differs(image(np.where(both, difference, 0.0)), image(np.where(both, noise, 0.0)), compared, surface)
+        differs = _differs(
+            image(np.where(both, difference, 0.0)), image(np.where(both, noise, 0.0)), compared, surface, self._tuned
+        )
         result[here] = differs[part]
         return result
 
@@ -323,6 +306,7 @@ def _differs(
     noise: NDArray[np.float32],
     both: NDArray[np.bool_],
     surface: NDArray[np.uint32],
+    tuned: ReuseParameters,
 ) -> NDArray[np.bool_]:
     """Where a difference is more than noise explains.
 
@@ -331,16 +315,19 @@ def _differs(
         noise: its variance, likewise.
         both: where both found something.
         surface: which one the pixels show.
+        tuned: what is no noise.
     """
     # That of a single pixel from few samples is unreliable, and may be nothing at all.
     noise = np.maximum(noise, cv2.blur(noise, (3, 3)))
     result = np.zeros(both.shape, bool)
-    for side in WINDOWS:
+    side = tuned.largest_window
+    while side > 0:
         mean, expected = (cv2.blur(part, (side, side)) for part in (difference, noise))
         # Means over the square times its area: the variance of a sum is the sum of the variances.
-        result |= np.square(mean) * side**2 > REJECTED * expected
-    result = cv2.dilate(result.astype(np.uint8), np.ones((AROUND, AROUND), np.uint8)) > 0
+        result |= np.square(mean) * side**2 > tuned.rejected * expected
+        side //= 3
+    result = cv2.dilate(result.astype(np.uint8), np.ones((tuned.around, tuned.around), np.uint8)) > 0
     compared, rejected = (np.bincount(surface[part]) for part in (both, both & result))
-    mirroring = rejected > MIRRORING * compared[: len(rejected)]
+    mirroring = rejected > tuned.mirroring * compared[: len(rejected)]
     mirroring[:2] = False  # Support mirrors nothing; its shadows move here and there.
     return np.asarray(result | np.isin(surface, np.flatnonzero(mirroring)))

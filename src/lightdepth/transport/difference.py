@@ -33,9 +33,6 @@ from lightdepth.transport.light_sampling import LightSampling, Vertex, mis_weigh
 from lightdepth.transport.light_tracing import LightTracer
 from lightdepth.transport.radiance_cache import NO_CELL, RadianceCache
 
-AIMED = 256.0
-"""Times the density of even directions over a hemisphere from which on a direction was aimed at something small."""
-
 
 @dataclass
 class LastScattering:
@@ -199,9 +196,9 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         # Russian roulette: by throughput, and between support surfaces by the chance to meet an object.
         between_support = on_support & ~on_relit & ~first & ~all_light
         carried = dr.max(throughput)
-        # What was aimed at from far away weighs little because it was drawn so often, and is there to be looked at.
+        # What was aimed at from far away weighs little only because it was drawn so often.
         density = dr.pi * path.last.pdf
-        carried *= dr.select(between_support & (density > AIMED), density, 1.0)
+        carried *= dr.select(between_support & (density > parameters.aimed_density), density, 1.0)
         if cones is not None:
             reach = dr.clip(
                 parameters.roulette_gain * dr.inv_two_pi * cones.solid_angle, parameters.smallest_reach, 1.0

@@ -74,7 +74,7 @@ class LightSampling:
         self._has_relit = not surfaces.kinds.isdisjoint((FaceKind.RELIT, FaceKind.REMOVED))
         self.map_share = 0.5 if has_emitters else 1.0
         # What little stands out of the map beside declared suns is found by scattering, with less noise and less work.
-        self._map_worth = place.standing_out if place.suns else 1.0
+        self._map_worth = place.path_shares[0] if place.suns else 1.0
         self._candidates = max(round(parameters.candidates * self._map_worth), 1)
         of_map = self.map_share * (parameters.candidates * self._map_worth)
         self.samples = (of_map, *(1.0 for _ in place.suns))
@@ -111,11 +111,13 @@ class LightSampling:
             pdf_ratio: of the paths up to there, see :class:`~lightdepth.transport.integrator.Path`.
         """
         u = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
+        u_select = dr.select(first, sampler.stratified("candidate")[0], sampler.next_1d(active))
+        # The suns' samples are added to the map's, so that they may share its random numbers: the most even ones.
+        at_sun = mi.Point2f(u, u_select)
         from_map = mi.Bool(True)
         if self._has_emitters:
             from_map = u < self.map_share
             u = dr.select(from_map, u / self.map_share, u)
-        u_select = dr.select(first, sampler.stratified("candidate")[0], sampler.next_1d(active))
         u, gain = self._resampled(lights, context, vertex, active & from_map, u, u_select, weight_samples)
         light = lights.sample(u, active & from_map)
         direction, distance, map_pdf = self._place.toward(light, vertex.point)
@@ -153,12 +155,13 @@ class LightSampling:
         value *= self.visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
         value = dr.select(useful, value, 0.0)
         for index in range(len(self._place.suns)):
-            value += self._sunlight(index, sampler, context, vertex, active, first, pdf_ratio)
+            value += self._sunlight(index, at_sun, sampler, context, vertex, active, first, pdf_ratio)
         return value
 
     def _sunlight(
         self,
         index: int,
+        at: mi.Point2f,
         sampler: Sampler,
         context: mi.BSDFContext,
         vertex: Vertex,
@@ -173,7 +176,8 @@ class LightSampling:
 
         Args:
             index: which one.
-            sampler: random numbers of the paths.
+            at: uniform random numbers that pick a place on its disc.
+            sampler: further random numbers of the paths.
             context: for the BSDFs.
             vertex: where the paths are.
             active: which of them take a sample.
@@ -181,8 +185,7 @@ class LightSampling:
             pdf_ratio: of the paths up to there.
         """
         sun = self._place.suns[index]
-        u, v = sampler.stratified("sun")
-        light = sun.sample(dr.select(first, u, sampler.next_1d(active)), dr.select(first, v, sampler.next_1d(active)))
+        light = sun.sample(at.x, at.y)
         direction = light.position
         chance = dr.select(sun.may_light(vertex.point), mi.Float(1.0), self._parameters.unlikely_sun)
         tried = active & (sampler.next_1d(active) < chance)
@@ -270,10 +273,8 @@ class LightSampling:
             light = lights.outline(u_candidate, active)
             direction, _, pdf = self._place.toward(light, vertex.point)
             value, scattering_pdf = self.scattering(context, vertex, direction, active)
-            # `mis_weight` over the pdf: divisions take most of the time here.
-            weighed = pdf * weight_samples
-            weight = weight_samples * weighed / (dr.square(weighed) + dr.square(scattering_pdf))
-            counts = (weighed > 0.0) & (
+            weight = mis_weight_over_pdf(pdf, scattering_pdf, weight_samples)
+            counts = (pdf * weight_samples > 0.0) & (
                 ~vertex.in_difference | light.on_relit | vertex.support.may_meet_objects(direction)
             )
             target = dr.select(counts, dr.max(value * light.radiance) * weight, 0.0)
@@ -371,3 +372,12 @@ def mis_weight(pdf: mi.Float, other: mi.Float) -> mi.Float:
     squared = dr.square(pdf)
     weight = squared / (squared + dr.square(other))
     return dr.select(pdf > 0.0, weight, 1.0)
+
+
+def mis_weight_over_pdf(pdf: mi.Float, other: mi.Float, count: mi.Float) -> mi.Float:
+    """:func:`mis_weight` of ``count`` samples, over ``pdf``, with one division: it takes most of a candidate's time.
+
+    NaN where both densities are 0.
+    """
+    weighed = pdf * count
+    return count * weighed / (dr.square(weighed) + dr.square(other))

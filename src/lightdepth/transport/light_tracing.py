@@ -236,7 +236,8 @@ class LightTracer:
 
     def _samples_per_path(self, light: LightSample) -> mi.Float:
         """How many light samples those of camera paths count as, relative to the share of light paths of their light."""
-        photograph, *suns = (n / share for n, share in zip(self.light_samples, self.place.path_shares, strict=True))
+        shares = zip(self.light_samples, self.place.path_shares, strict=True)
+        photograph, *suns = (n / max(share, 1e-9) for n, share in shares)  # An even photograph sends no light paths.
         return dr.select(light.is_sun, mi.Float(suns[0]), mi.Float(photograph)) if suns else mi.Float(photograph)
 
     @dr.syntax

@@ -9,7 +9,7 @@ import mitsuba as mi
 
 from lightdepth.kernel.sobol import BITS, POLYNOMIALS, direction_numbers
 
-DIMENSIONS = {"film": (0, 1), "light": (2,), "candidate": (3,), "direction": (4, 5, 6), "lens": (7, 8), "sun": (9, 10)}
+DIMENSIONS = {"film": (0, 1), "light": (2,), "candidate": (3,), "direction": (4, 5, 6), "lens": (7, 8)}
 """Dimensions of the sequence by what they are for."""
 
 

@@ -86,6 +86,8 @@ found["refused"] = [
     refused(bpy.ops.lightdepth.write_lights, filepath=str(folder / "inline.toml")),
     refused(bpy.ops.lightdepth.recover_sun),
 ]
+# No photograph shows the patch of this sun, from which a mask could be recovered.
+scene.objects["door sun"].lightdepth.recover_mask = False
 bpy.ops.lightdepth.recover_clipped()
 found["said"] = [line.text for line in settings.light_notes]
 answer(**found)

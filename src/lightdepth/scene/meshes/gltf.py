@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,8 +73,12 @@ class GltfReader:
             InputError: the file is broken, or has no such animation.
         """
         header = self._file.header
-        for message in left_out_extensions(header.extensions_used if self._materials is not None else ()):
+        used = dict.fromkeys([*header.extensions_used, *self._file.extensions])
+        for message in left_out_extensions(used if self._materials is not None else ()):
             self._note(message)
+        doubled = [number for number, node in enumerate(header.nodes) if node.is_placed_twice]
+        if doubled:
+            self._note(f"node {doubled[0]} has a matrix and a translation, rotation or scale; only the matrix counts")
         if animation is not None:
             if animation not in self._animations:
                 self._animations[animation] = GltfAnimation(self._file, self._accessors, animation, self._note)
@@ -89,6 +94,7 @@ class GltfReader:
                 continue
             mesh = self._file.entry(header.meshes, node.mesh, "mesh")
             weights = node.weights or mesh.weights or []
+            self._check_targets(node.mesh, weights)
             for position, description in enumerate(mesh.primitives):
                 if description.mode not in (TRIANGLES, STRIP, FAN):
                     if not 0 <= description.mode < TRIANGLES:
@@ -103,12 +109,28 @@ class GltfReader:
                 if not len(base.faces):
                     continue
                 if node.skin is not None:
+                    if node.extensions.EXT_mesh_gpu_instancing is not None:
+                        self._note(
+                            f"node {number} has a skin and instances; its mesh is shown once, where the skin puts it"
+                        )
                     posed = skinned(self._file, self._accessors, self._nodes, node.skin, primitive, base)
                     placed = transformed(_mesh(posed), Y_UP_TO_Z_UP)
                 else:
                     placed = self._instances(number, world, base)
                 parts.append(self._part(primitive, placed, len(base.positions)))
         return parts
+
+    def _check_targets(self, mesh: int, weights: Sequence[float]) -> None:
+        """Name what morph targets say and what is not carried."""
+        targets = [primitive.targets for primitive in self._file.header.meshes[mesh].primitives]
+        if any(len(each) != len(weights) for each in targets) and any(weights):
+            counts = " or ".join(str(count) for count in sorted({*map(len, targets)}))
+            self._note(
+                f"mesh {mesh} has {len(weights)} weights and {counts} morph targets; what has no counterpart is left out"
+            )
+        moved = {name for each in targets for target in each for name in target} - {"POSITION", "NORMAL", "TANGENT"}
+        if moved and any(weights):
+            self._note(f"mesh {mesh}: its morph targets of {', '.join(sorted(moved))[:60]} are left out")
 
     def _primitive(self, mesh: int, position: int) -> GltfPrimitive:
         key = (mesh, position)
@@ -167,6 +189,10 @@ class GltfReader:
             return None
         if with_alpha and values.shape[1] == 4 and (values[:, 3] < 1.0).any():
             self._note("the alpha of its vertex colours is left out")
+        if not np.isfinite(values).all():
+            raise InputError(f"{self._file.path}: {primitive.place}: COLOR_0 has numbers that are not finite")
+        if (values[:, :3] > 1.0).any():
+            self._note(f"vertex colours above 1 are cut off there ({primitive.place})")
         return np.asarray(np.clip(values[:, :3], 0.0, 1.0) * factor, np.float32)
 
 

@@ -43,8 +43,8 @@ class GltfAccessors:
             raise self._wrong(index, f"whole numbers, {width} in each element")
         return values.astype(np.int64)
 
-    def floats(self, index: int, *widths: int) -> NDArray[np.float64]:
-        """Numbers as they are meant, shape (n, one of the widths); normalised integers as shares.
+    def floats(self, index: int, *widths: int, shares: bool = False) -> NDArray[np.float64]:
+        """Numbers as they are meant, shape (n, one of the widths); normalised integers as shares, all with ``shares``.
 
         Raises:
             InputError: the accessor is broken, or of another type.
@@ -52,7 +52,7 @@ class GltfAccessors:
         values = self._values(index)
         if values.shape[1] not in widths:
             raise self._wrong(index, f"{' or '.join(map(str, widths))} numbers in each element")
-        return _as_shares(values, self.entry(index).normalized)
+        return _as_shares(values, shares or self.entry(index).normalized)
 
     def as_described(self, index: int, values: NDArray[Any]) -> NDArray[np.float64]:
         """Numbers that were stored elsewhere, perhaps in a wider type, as the accessor's would be meant."""
@@ -99,6 +99,11 @@ class GltfAccessors:
         data = self._file.view(view)
         size = kind.itemsize * width
         stride = self._file.header.buffer_views[view].byte_stride or size
+        if stride < size:
+            raise InputError(
+                f"{self._file.path}: buffer view {view} has elements every {stride} bytes (byteStride), but those of "
+                f"accessor {index} have {size}"
+            )
         needed = offset + (count - 1) * stride + size if count else 0
         if needed > len(data):
             raise InputError(

@@ -47,11 +47,14 @@ class GltfFile:
         self._buffers: dict[int, bytes] = {}
         self._views: dict[int, memoryview] = {}
         self._images: dict[int, NDArray[np.uint8]] = {}
+        self.extensions: list[str] = []
         if content[:4] == _GLB_MAGIC:
             content = self._take_chunks(content)
         self.header: Header = self._read_header(content)
         if not self.header.asset.version.startswith("2."):
             raise InputError(f"{path}: is glTF of version {self.header.asset.version[:20]}; 2.0 is needed")
+        if not self.header.asset.min_version.startswith("2.0"):
+            raise InputError(f"{path}: needs a reader of glTF {self.header.asset.min_version[:20]}; 2.0 is read")
         if missing := unsupported_extensions(self.header.extensions_required):
             raise InputError(
                 f"{path}: needs the extension{'s' if len(missing) > 1 else ''} {', '.join(missing)[:200]}, which "
@@ -73,6 +76,8 @@ class GltfFile:
             ) from error
         if isinstance(document, dict) and isinstance(document.get("asset"), dict):
             document["asset"]["version"] = str(document["asset"].get("version", "unknown"))[:20]
+            document["asset"]["minVersion"] = str(document["asset"].get("minVersion", "2.0"))[:20]
+        self.extensions = found_extensions(document)
         try:
             return checked_header(document)
         except ValueError as error:
@@ -187,3 +192,18 @@ class GltfFile:
             if (file := named_file(self.path.parent, candidate)) is not None:
                 return file.read_bytes()
         raise InputError(f"{self.path}: names the file {name[:200]}, which does not exist in its folder")
+
+
+def found_extensions(document: object) -> list[str]:
+    """Names of the extensions that a document holds anywhere, whether it declares them or not."""
+    found: dict[str, None] = {}
+    waiting = [document]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, dict):
+            extensions = value.get("extensions")
+            found.update(dict.fromkeys(extensions) if isinstance(extensions, dict) else {})
+            waiting += [inner for key, inner in value.items() if key != "extras" and isinstance(inner, dict | list)]
+        elif isinstance(value, list) and value and isinstance(value[0], dict | list):
+            waiting += value
+    return list(found)

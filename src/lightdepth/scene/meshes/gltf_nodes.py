@@ -63,6 +63,11 @@ class GltfNodes:
             node = self._file.entry(self.entries, number, "node")
             if number in self._worlds:
                 raise InputError(f"{self._file.path}: node {number} is the child of two nodes, or its own ancestor")
+            if node.matrix is not None and not np.allclose(node.matrix[3::4], (0.0, 0.0, 0.0, 1.0), atol=1e-5):
+                raise InputError(
+                    f"{self._file.path}: the last row of node {number}'s matrix is {node.matrix[3::4]}; it must be "
+                    "0, 0, 0, 1"
+                )
             world = self._worlds[number] = parent @ local_matrix(node)
             visible = visible and node.extensions.KHR_node_visibility.visible
             if visible:

@@ -54,7 +54,7 @@ class GltfPrimitive:
         self._file = file
         self._accessors = accessors
         self.description = primitive
-        self._place = place
+        self.place = place
         if "POSITION" not in primitive.attributes:
             raise InputError(f"{file.path}: {place} has no POSITION")
         count = accessors.count(primitive.attributes["POSITION"])
@@ -76,13 +76,14 @@ class GltfPrimitive:
         widths = _WIDTHS[name.partition("_")[0]]
         if self._draco is not None and (found := self._draco.attribute(name)) is not None:
             if found.shape[1] not in widths:
-                raise InputError(f"{self._file.path}: {self._place}: {name} has {found.shape[1]} numbers per element")
+                raise InputError(f"{self._file.path}: {self.place}: {name} has {found.shape[1]} numbers per element")
             values = self._accessors.as_described(index, found)
         else:
-            values = self._accessors.floats(index, *widths)
+            # Colours are shares; some programs write them as whole numbers without saying so.
+            values = self._accessors.floats(index, *widths, shares=name.startswith("COLOR"))
         if len(values) != self._count:
             raise InputError(
-                f"{self._file.path}: {self._place}: {name} has {len(values)} elements, but POSITION has {self._count}"
+                f"{self._file.path}: {self.place}: {name} has {len(values)} elements, but POSITION has {self._count}"
             )
         return values
 
@@ -118,7 +119,7 @@ class GltfPrimitive:
         if outside.any():
             face = int(outside.any(axis=1).argmax())
             raise InputError(
-                f"{self._file.path}: {self._place}: face {face} names vertices {faces[face].tolist()}, but there are "
+                f"{self._file.path}: {self.place}: face {face} names vertices {faces[face].tolist()}, but there are "
                 f"{len(positions)}"
             )
         return Decoded(positions, faces, normals)
@@ -129,7 +130,7 @@ class GltfPrimitive:
         moved = self._accessors.floats(target[name], 3)
         if len(moved) != len(base):
             raise InputError(
-                f"{self._file.path}: {self._place}: a morph target moves {len(moved)} of {len(base)} elements of {name}"
+                f"{self._file.path}: {self.place}: a morph target moves {len(moved)} of {len(base)} elements of {name}"
             )
         return moved
 
@@ -144,5 +145,5 @@ class GltfPrimitive:
             middle = np.full(max(len(indices) - 2, 0), indices[0] if len(indices) else 0)
             return np.stack([middle, indices[1:-1], indices[2:]], axis=1) if len(indices) > 2 else np.zeros((0, 3), int)
         if len(indices) % 3:
-            raise InputError(f"{self._file.path}: {self._place}: {len(indices)} indices are no whole triangles")
+            raise InputError(f"{self._file.path}: {self.place}: {len(indices)} indices are no whole triangles")
         return indices.reshape(-1, 3)

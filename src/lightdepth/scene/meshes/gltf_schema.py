@@ -296,6 +296,11 @@ class Node(Part):
     scale: Triple = (1.0, 1.0, 1.0)
     extensions: NodeExtensions = NodeExtensions()
 
+    @property
+    def is_placed_twice(self) -> bool:
+        """Whether it states a matrix and its factors."""
+        return self.matrix is not None and bool(self.model_fields_set & {"translation", "rotation", "scale"})
+
 
 class Skin(Part):
     """Joints that move vertices."""
@@ -398,6 +403,7 @@ class Asset(Part):
     """Which glTF it is."""
 
     version: str = "unknown"
+    min_version: str = "2.0"
 
 
 class Header(Part):

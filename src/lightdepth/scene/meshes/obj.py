@@ -38,7 +38,10 @@ def read_obj(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
         InputError: the file is broken, has geometry other than polygons, or names a material file that is not there.
     """
     content = _Content(path, note)
-    content.read(decoded(path.read_bytes()))
+    text = decoded(path.read_bytes())
+    content.read(text)
+    if "\n#MRGB" in text:
+        note("colours that ZBrush wrote as comments (#MRGB) are left out")
     library = MtlLibrary(note)
     if with_materials:
         for name in content.libraries:

@@ -28,6 +28,15 @@ ALPHA_NAMES = ("alpha", "a", "diffuse_alpha")
 REST_NAMES = ("rest_x", "rest_y", "rest_z")
 """Environment texture coordinates: three float properties of each vertex, in the coordinates of the file."""
 _FACE_NAMES = ("vertex_indices", "vertex_index")
+_NORMALS = ("nx", "ny", "nz")
+_USED = {
+    "vertex": {"x", "y", "z", *REST_NAMES},
+    "face": {*_FACE_NAMES, "texcoord", "texnumber"},
+    "tristrips": {*_FACE_NAMES},
+}
+"""Elements and their properties that are read, beside normals, colours and texture coordinates."""
+_MEASUREMENTS = ("quality", "confidence", "intensity", "flags", "radius", "curvature", "label", "value", "scalar")
+"""What scanners' and other programs' properties begin with that say nothing about how a thing looks."""
 _TEXTURE_KEYWORDS = ("texturefile", "texture")
 
 
@@ -49,11 +58,12 @@ def read_ply(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
     mesh = Mesh(
         vertices=positions.astype(np.float64),
         faces=np.zeros((0, 3), np.int32),
-        normals=_as_floats(_columns(vertex, ("nx", "ny", "nz"))),
+        normals=_as_floats(_columns(vertex, _NORMALS)),
         texture_coordinates=_as_floats(next((uv for uv in found if uv is not None), None)),
         colors=_colours(vertex, "vertices", note) if with_materials else None,
         rest=None if (rest := _columns(vertex, REST_NAMES)) is None else rest.astype(np.float64),
     )
+    _note_what_is_left_out(file, note)
     if not with_materials:
         return [_part(mesh, faces, None)]
     if faces.colors is not None and mesh.colors is not None:
@@ -79,6 +89,23 @@ def read_ply(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
     if mesh.colors is not None and any(_has_texture(part) for part in parts):
         note("colours are left out where there is a texture")
     return parts
+
+
+def _note_what_is_left_out(file: PlyFile, note: Note) -> None:
+    """Name the elements and properties that are not known, and what stands behind them."""
+    looks = {*_NORMALS, *ALPHA_NAMES, *(name for names in (*COLOUR_NAMES, *TEXTURE_COORDINATE_NAMES) for name in names)}
+    for name, element in file.elements.items():
+        if not element.count or name in ("material", "multi_texture_vertex", "multi_texture_face", "camera"):
+            continue
+        if name not in _USED:
+            note(f"its {element.count} elements '{name[:40]}' are left out")
+            continue
+        own = (p.name for p in element.properties)
+        strange = [p for p in own if p not in _USED[name] | looks and not p.lower().startswith(_MEASUREMENTS)]
+        if strange:
+            note(f"properties of its elements '{name}' are left out: {', '.join(strange)[:100]}")
+    for tail in file.behind:
+        note(f"{tail} behind its elements are left out")
 
 
 @dataclass(frozen=True)

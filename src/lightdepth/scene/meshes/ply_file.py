@@ -72,10 +72,12 @@ class PlyFile:
     Attributes:
         elements: by name, in the order of the file.
         comments: the comment lines, without the keyword.
+        behind: what stands behind the last element, in words; empty where nothing does.
     """
 
     elements: dict[str, Element]
     comments: list[str]
+    behind: list[str] = field(default_factory=list)
 
 
 def read_ply_file(path: Path) -> PlyFile:
@@ -176,6 +178,8 @@ class _Binary:
                 for p in element.properties:
                     assert table is not None
                     element.columns[p.name] = table[p.name].astype(p.kind)
+        if tail := len(self._body) - self._offset:
+            file.behind.append(f"{tail} bytes")
 
     def _take(self, name: str, element: Element, size: int) -> NDArray[np.uint8]:
         if self._offset + size > len(self._body):
@@ -270,6 +274,8 @@ class _Ascii:
                 for column, p in enumerate(element.properties):
                     element.columns[p.name] = self._as_kind(table[:, column], p)
             self._at += element.count
+        if tail := len(self._lines) - self._at:
+            file.behind.append(f"{tail} lines")
 
     def _table(self, lines: list[bytes], width: int) -> NDArray[np.float64]:
         """Rows of the same number of values; where a row has others, its line is named."""

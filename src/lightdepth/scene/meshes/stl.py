@@ -15,6 +15,8 @@ from lightdepth.scene.model import Mesh
 
 _HEAD, _ROW = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _NAME = re.compile(rb"^[ \t]*(end)?solid\b[^\r\n]*", re.IGNORECASE | re.MULTILINE)
+_FIRST_WORD = re.compile(rb"^[ \t\xef\xbb\xbf]*([^\s]+)", re.MULTILINE)
+_KEYWORDS = {"facet", "outer", "vertex", "endloop", "endfacet", "solid", "endsolid"}
 _VERTEX = re.compile(rb"\bvertex\s+(\S+)\s+(\S+)\s+(\S+)", re.IGNORECASE)
 
 
@@ -25,7 +27,7 @@ def read_stl(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
         InputError: the file is cut off or damaged.
     """
     content = path.read_bytes()
-    corners = _ascii(path, content) if _is_ascii(content) else _binary(path, content, with_materials, note)
+    corners = _ascii(path, content, note) if _is_ascii(content) else _binary(path, content, with_materials, note)
     if not len(corners):
         return []
     positions = corners.reshape(-1, 3)
@@ -66,7 +68,7 @@ def _binary(path: Path, content: bytes, with_materials: bool, note: Note) -> NDA
     return table["corners"].astype(np.float64)
 
 
-def _ascii(path: Path, content: bytes) -> NDArray[np.float64]:
+def _ascii(path: Path, content: bytes, note: Note) -> NDArray[np.float64]:
     """Corners, shape (m, 3, 3)."""
     content = _NAME.sub(b"", content)
     words = [word for match in _VERTEX.finditer(content) for word in match.groups()]
@@ -88,4 +90,7 @@ def _ascii(path: Path, content: bytes) -> NDArray[np.float64]:
             f"{path}: not a readable STL file: {facets} complete facets with {mentioned} vertices, each needs three; "
             "it is cut off or damaged"
         )
+    strange = {word.lower().decode("latin-1") for word in _FIRST_WORD.findall(content)} - _KEYWORDS
+    if strange:
+        note(f"lines that begin with {', '.join(sorted(strange))[:100]} are left out")
     return numbers.reshape(-1, 3, 3)

@@ -25,7 +25,9 @@ def decoded(content: bytes) -> str:
 
 def logical_lines(text: str) -> list[str]:
     """Lines; those that a backslash continues are joined, and the number of lines stays."""
-    lines = text.splitlines()
+    lines = (
+        text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    )  # Other ends of lines are halves of letters here.
     if "\\" not in text:
         return lines
     joined: list[str] = []
@@ -36,12 +38,18 @@ def logical_lines(text: str) -> list[str]:
             joined.append("")
         else:
             joined.append(line)
-        if line.rstrip().endswith("\\") and not line.lstrip().startswith("#"):  # A comment may end in a folder's name.
+        if _continues(line):
             start = len(joined) - 1 if start is None else start
             joined[start] = joined[start].rstrip()[:-1]
         else:
             start = None
     return joined
+
+
+def _continues(line: str) -> bool:
+    """Whether a backslash ends a line that is no comment, and is no half of a letter as in Shift-JIS."""
+    line = line.rstrip()
+    return line.endswith("\\") and not line.lstrip().startswith("#") and not "\x81" <= line[-2:-1] <= "\xfc"
 
 
 def named_file(folder: Path, name: str) -> Path | None:

@@ -56,7 +56,8 @@ class UsdFile:
         delegate = UsdUtils.CoalescingDiagnosticDelegate()
         try:
             yield
-        except (RuntimeError, UnicodeDecodeError) as error:  # Of USD, or what it says of a damaged file is no text.
+        except (RuntimeError, UnicodeDecodeError, TypeError) as error:
+            # Of USD, or what it says of a damaged file is no text, or a value is of a type that is unknown to it.
             place = next(iter(_PLACE.findall(_text(error))), None)
             where = "it is damaged, or something else" if place is None else f"line {place} is not what can stand there"
             raise InputError(f"{self.path}: is not a readable USD file: {where}") from error
