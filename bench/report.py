@@ -200,7 +200,7 @@ def missing_light() -> Iterator[str]:
     if tables:
         yield "## Light that the photograph lacks\n"
         yield (
-            "Measured with `python -m bench suns` and `python -m bench clipped`; see [Light that the photograph lacks]"
+            "Measured with `python -m bench suns`, `clipped` and `gloss`; see [Light that the photograph lacks]"
             "(recovery.md). ± is the standard error, from the truth's noise and the images' own. What a declared sun costs "
             "is measured against the same sun in the photograph: the room without the sun has neither its light nor the "
             "hard edges of its shadows. *At equal error* is time times variance.\n"

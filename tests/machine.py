@@ -14,11 +14,12 @@ import sys
 from pathlib import Path
 
 TARGETS = {
-    "sse4.2": ("x86-64-v2", "+fma", 4),
+    "sse4.2": ("x86-64-v2", "+fma,+f16c", 4),
     "avx2": ("x86-64-v3", None, 8),
     "avx512": ("x86-64-v4", None, 16),
 }
-"""LLVM's processor, features beyond its own, and lanes of a vector. Dr.Jit's kernels need FMA, which v2 lacks."""
+"""LLVM's processor, features beyond its own, and lanes of a vector. Dr.Jit's kernels need FMA, and half floats of textures
+F16C, which v2 lacks; processors that have the one have the other."""
 NEEDED = {"sse4.2": "fma", "avx2": "avx2", "avx512": "avx512vl"}
 """What the processor must have to run them, as Linux calls it."""
 

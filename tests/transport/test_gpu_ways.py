@@ -102,8 +102,9 @@ def test_scenes_side_by_side_and_more_lanes_give_the_same_pictures(monkeypatch: 
     assert all(len(wholes) == 1 for wholes in kernels[::2]), "a kernel would trace several scenes"
     for layer in ("change", "synthetic", "coverage"):
         mine, other = getattr(apart, layer), getattr(together, layer)
-        # Where a ray grazes an edge, rounding may lead it elsewhere.
-        assert np.mean(np.abs(other - mine) > 1e-3 * np.abs(mine).max()) < 0.01
+        # Where a ray grazes an edge, rounding may lead it elsewhere, and then some pixels get more samples, others fewer:
+        # 0 to 0.2 % of the values, in one of six seeds 1.7 %. Another scene or lane would change nearly all of them.
+        assert np.mean(np.abs(other - mine) > 1e-3 * np.abs(mine).max()) < 0.1
         assert other.mean() == pytest.approx(mine.mean(), rel=0.01)
 
 
