@@ -22,6 +22,7 @@ from lightdepth.kernel.variables import as_vectors  # noqa: E402
 from lightdepth.parameters import Parameters  # noqa: E402
 from lightdepth.parameters.transport import TransportParameters  # noqa: E402
 from lightdepth.scene.model import Mesh, RenderSettings, Scene, SyntheticObject, SyntheticPart  # noqa: E402
+from tests.chance import Seen, check_seen  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
 RAYS = 20_000
@@ -100,7 +101,8 @@ def test_rays_meet_the_same(both):
     dr.eval(surfaces)  # at once, not one by one
     for name in ("p", "n", "uv", "wi", "t", "dp_du", "dp_dv", "sh_frame.s", "sh_frame.t", "sh_frame.n"):
         first, second = (attrgetter(name)(si).numpy()[..., where] for si in surfaces)
-        apart = np.abs(first - second)
+        # Derivatives by texture coordinates are as large as those lie close together.
+        apart = np.abs(first - second) / np.maximum(1.0, np.abs(second))
         assert np.quantile(apart, 0.999) < 5e-4, name
         assert np.median(apart) < 2e-6, name
 
@@ -160,7 +162,5 @@ def test_a_picture_is_that_of_the_expanded_mesh():
     np.testing.assert_allclose(first.depth[same], second.depth[same], rtol=1e-4)
     # Spheres around instances are a little larger, and other random numbers follow.
     for where in (first.object_id == 2, first.object_id == 0):
-        apart = (first.beauty - second.beauty).mean(axis=2)[where]
-        error = apart.std() / np.sqrt(apart.size)
-        assert abs(apart.mean()) < 4.0 * error
-        assert error < 0.004 * second.beauty[where].mean()
+        ratio = first.beauty[where].mean() / second.beauty[where].mean() - 1.0
+        check_seen(ratio, Seen(25, -0.000233, 0.00027, 0.00282), -0.025, 0.025)
