@@ -37,19 +37,21 @@ def test_the_estimate_is_what_is_seen_over_seeds(scene):
     """
     few = FilmParameters(light_list_length=512, light_list_paths=1 << 40, first_training_share=4.0)
     scene = replace(scene, render=replace(scene.render, parameters=Parameters(film=few)))
-    pictures, own, common = [], [], []
+    pictures, own, common, lists = [], [], [], []
     for seed in range(SEEDS):
         rendering = begin_rendering(scene, "view", seed=seed)
         list(rendering.run(SAMPLES))
         frame = rendering.frame(auxiliary=False)
         pictures.append(frame.beauty)
         light_list, cache = (float(frame.metadata[name]) for name in ("light_list_error", "cache_error"))
-        assert light_list > 0.0
+        lists.append(light_list)
         common.append(light_list**2 + cache**2)
         own.append(np.mean(np.square(rendering.errors.own())))
         irradiance = rendering.errors.shared_variance()[0]
         expected = math.sqrt(own[-1] + common[-1] + float(np.mean(irradiance)))
         assert float(frame.metadata["error"]) == pytest.approx(expected, rel=0.02)
+    # That of a single picture is 0 where its estimate's own noise is larger, in one of some two hundred.
+    assert np.median(lists) > 0.0
     tiles = (
         np.stack(pictures).astype(np.float64).reshape(SEEDS, 16 // TILE, TILE, 24 // TILE, TILE, 3).mean(axis=(2, 4))
     )
