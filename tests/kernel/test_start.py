@@ -125,6 +125,12 @@ def test_cuda_where_there_is_none_is_refused_in_words_and_the_cpu_still_works():
     assert run(code).stdout.strip() == "llvm_ad_rgb"
 
 
+def test_a_device_that_is_not_known_is_refused_before_anything_starts():
+    refused = run(f"{START}start('gpu')")
+    assert refused.returncode == 1
+    assert refused.stderr.strip() == "device 'gpu' is not known; allowed are auto, cpu, cuda"
+
+
 def test_a_process_that_runs_another_variant_is_refused():
     result = run(f"import mitsuba; mitsuba.set_variant('scalar_rgb'); {START}start('cpu')")
     assert result.returncode == 1

@@ -8,7 +8,7 @@ import re
 import sys
 import threading
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 from lightdepth.errors import SetupError
 
@@ -106,10 +106,12 @@ def start(device: Device = "auto") -> str:
         The variant's name.
 
     Raises:
-        SetupError: libLLVM is missing, too old or broken, or Dr.Jit was imported before and found an old one by itself;
-            the processor has no FMA; ``LIGHTDEPTH_THREADS`` is no number of threads; CUDA was asked for and there is none;
-            or the process already computes on another device.
+        SetupError: the device is none of these; libLLVM is missing, too old or broken, or Dr.Jit was imported before and
+            found an old one by itself; the processor has no FMA; ``LIGHTDEPTH_THREADS`` is no number of threads; CUDA was
+            asked for and there is none; or the process already computes on another device.
     """
+    if device not in (devices := get_args(Device)):
+        raise SetupError(f"device '{device}' is not known; allowed are {', '.join(devices)}")
     with _LOCK:
         return _start(device)
 
