@@ -67,7 +67,7 @@ def scenes(name: str, objects: str) -> tuple[Scene, Scene]:
     pane = next((part.radiance for part in place.parts if part.opening), None)
     without = np.repeat(np.repeat(_without_sun(shown, sun, rotation, pane), FINER, axis=0), FINER, axis=1)
     height, width = without.shape[:2]
-    u, v = direction_to_latlong(np.array(sun.direction) / np.linalg.norm(sun.direction) @ rotation)
+    u, v = direction_to_latlong(sun.declared().direction @ rotation)
     disc = covered(without, ClippedSource((float(u) * width, float(v) * height), np.zeros(3), sun.diameter))
     whole = (without + disc[..., None] * np.array(sun.radiance)).astype(np.float32)
     real = tuple(RealSurface(part.name, part.mesh, part.role, opening=part.opening) for part in place.parts)
@@ -87,7 +87,7 @@ def _without_sun(
 ) -> NDArray[np.float32]:
     """A photograph with the pane's radiance, or the sky's around it, in place of the sun."""
     height, width = shown.shape[:2]
-    toward = np.array(sun.direction) / np.linalg.norm(sun.direction)
+    toward = sun.declared().direction
     away = np.degrees(np.arccos(np.clip(pixel_directions(height, width) @ rotation.T @ toward, -1.0, 1.0)))
     inside = away < 0.5 * sun.diameter + 1.1
     around = ~inside & (away < 0.5 * sun.diameter + 3.0)

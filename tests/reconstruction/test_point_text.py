@@ -5,7 +5,7 @@ import pytest
 
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.reconstruction.point_cloud import read_points
-from lightdepth.reconstruction.point_text import read_text_points
+from lightdepth.reconstruction.point_text import read_text_cloud
 
 POINTS = np.round(np.random.default_rng(5).uniform(-4.0, 4.0, (150, 3)), 4)
 
@@ -42,7 +42,7 @@ PLAIN = {
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
 def test_every_layout_is_read(tmp_path, name, encoding):
     (tmp_path / "x.pts").write_bytes("\r\n".join(PLAIN[name]).encode(encoding))
-    np.testing.assert_array_equal(read_text_points(tmp_path / "x.pts"), POINTS)
+    np.testing.assert_array_equal(read_text_cloud(tmp_path / "x.pts")[0], POINTS)
 
 
 @pytest.mark.parametrize("start", ["P0001", "1001", "shuffled", "scan"])
@@ -55,14 +55,14 @@ def test_identifiers_in_the_first_column_are_left_out(tmp_path, start, separator
     lines = [f"{name}{separator}{line}" for name, line in zip(names, rows(separator), strict=True)]
     (tmp_path / "x.txt").write_text("\n".join(lines))
     with pytest.warns(InputWarning, match="first column is taken for identifiers"):
-        np.testing.assert_array_equal(read_text_points(tmp_path / "x.txt"), POINTS)
+        np.testing.assert_array_equal(read_text_cloud(tmp_path / "x.txt")[0], POINTS)
 
 
 def test_whole_numbers_are_coordinates(tmp_path):
     """A grid of whole metres whose x counts up is no column of identifiers."""
     grid = np.array([[i, i // 7, 3, 9] for i in range(120)])
     np.savetxt(tmp_path / "x.xyz", grid, fmt="%d")
-    np.testing.assert_array_equal(read_text_points(tmp_path / "x.xyz"), grid[:, :3])
+    np.testing.assert_array_equal(read_text_cloud(tmp_path / "x.xyz")[0], grid[:, :3])
 
 
 def test_points_that_are_not_finite_are_counted(tmp_path):
@@ -112,7 +112,7 @@ def test_a_ptx_file_under_another_name_is_named(tmp_path):
 def test_a_file_that_is_cut_off_is_named(tmp_path):
     (tmp_path / "x.pts").write_text("\n".join(["70", *rows()[:70], "90", *rows()[70:]]))
     with pytest.warns(InputWarning, match="line 72 states 90 points, and 80 follow"):
-        assert len(read_text_points(tmp_path / "x.pts")) == 150
+        assert len(read_text_cloud(tmp_path / "x.pts")[0]) == 150
 
 
 @pytest.mark.parametrize(
@@ -128,7 +128,7 @@ def test_a_line_that_is_no_point_is_named(tmp_path, line, message):
     lines[11] = line
     (tmp_path / "x.xyz").write_text("\n".join(lines))
     with pytest.raises(InputError, match=message):
-        read_text_points(tmp_path / "x.xyz")
+        read_text_cloud(tmp_path / "x.xyz")
 
 
 def test_a_file_without_points_is_named(tmp_path):

@@ -39,6 +39,7 @@ _SAME_BALANCE = 0.01
 _XYZ_OF_REC709 = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
+"""As LibRaw has it, to five digits, so that colours are those that it makes."""
 
 
 def is_raw(path: Path) -> bool:

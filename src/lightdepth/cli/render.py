@@ -89,7 +89,7 @@ def render(
         float | None, typer.Option(min=0.0, help="Seconds between two checkpoints; 30 by default.")
     ] = None,
     preview_seconds: Annotated[
-        float | None, typer.Option(min=0.1, help="Write the unfinished picture every this many seconds.")
+        float | None, typer.Option(min=0.1, help="Seconds between two writings of the unfinished picture.")
     ] = None,
 ) -> None:
     """Render new objects into the photographed place.

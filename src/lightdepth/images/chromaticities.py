@@ -80,9 +80,7 @@ def primaries_of(attributes: Mapping[str, Any], path: Path) -> ArrayLike:
 def converted(radiance: NDArray[np.float32], matrix: NDArray[np.float32] | None) -> NDArray[np.float32]:
     """Radiance of shape (height, width, 3) multiplied by a matrix from :func:`to_rec709`, in place."""
     if matrix is not None:
-        with np.errstate(
-            over="ignore", invalid="ignore"
-        ):  # Numbers that overflow are reported where radiance is checked.
+        with np.errstate(over="ignore", invalid="ignore"):  # Reported where radiance is checked.
             for row in radiance:
                 row[:] = row @ matrix.T
     return radiance

@@ -307,11 +307,10 @@ def warn_of_sky(path: Path, distances: FloatArray) -> None:
         path: the file, for messages.
         distances: metres along the ray, shape (height, 2 height), NaN where not measured, inf for sky.
     """
-    known = distances[np.isfinite(distances) & (distances > 0.0)]
+    known, nearer = _known_and_nearer(distances)
     if not known.size:
         return
     largest = float(known.max())
-    nearer = known[known < largest * (1.0 - 1e-6)]
     count = known.size - nearer.size
     states = "if that means the sky, 'reconstruct from-depth --sky-beyond' states it"
     # By chance a level floor or ceiling meets a row of pixels at exactly the same distance, and both of them two.
@@ -325,13 +324,18 @@ def warn_of_sky(path: Path, distances: FloatArray) -> None:
         warn(f"{path}: its distances go up to {largest:.3g} m; {states}")
 
 
+def _known_and_nearer(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """All that is measured and no sky, and what of it is nearer than the farthest."""
+    known = distances[np.isfinite(distances) & (distances > 0.0)]
+    return known, known[known < known.max(initial=0.0) * (1.0 - 1e-6)]
+
+
 def warn_of_unit(path: Path, distances: FloatArray) -> None:
     """Warn of distances that are probably no metres; arguments as of :func:`warn_of_sky`."""
-    known = distances[np.isfinite(distances) & (distances > 0.0)]
+    known, nearer = _known_and_nearer(distances)
     if not known.size:
         return
     largest, middle = float(known.max()), float(np.median(known))
-    nearer = known[known < largest * (1.0 - 1e-6)]
     convert = "'reconstruct from-depth --scale' converts them"
     if middle > 300.0 and (not nearer.size or np.median(nearer) > 300.0):
         warn(f"{path}: half of its distances are above {middle:.3g} m; if they are not metres, {convert}")

@@ -18,6 +18,9 @@ SRGB_PRIMARIES = np.array(
 )
 """XYZ of Rec.709's primaries as columns, adapted to the profiles' white D50 by Bradford's method."""
 
+_SAME_PRIMARIES, _SCREEN_CURVES = (1, 2), (1, 2, 6, 13)
+"""Numbers of ITU-T H.273: primaries of Rec.709 or unknown, and transfer curves of pictures for the screen."""
+
 
 @dataclass(frozen=True)
 class ColourProfile:
@@ -37,6 +40,13 @@ def srgb_profile(levels: int = 4096) -> ColourProfile:
     code = np.linspace(0.0, 1.0, levels)
     linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
     return ColourProfile(np.broadcast_to(linear, (3, levels)), np.eye(3))
+
+
+def unlike_srgb_numbers(primaries: int, curve: int) -> str | None:
+    """What is to be said of colours stated by numbers of ITU-T H.273, as HEIC and PNG may; ``None`` where sRGB will do."""
+    if primaries in _SAME_PRIMARIES and curve in _SCREEN_CURVES:
+        return None
+    return f"its colours (primaries {primaries}, curve {curve} of ITU-T H.273) are not those of sRGB"
 
 
 def read_profile(data: bytes) -> ColourProfile:

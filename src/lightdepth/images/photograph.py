@@ -17,17 +17,16 @@ from lightdepth.images.adobe_rgb import adobe_rgb_profile, is_adobe_rgb
 from lightdepth.images.filling import fill
 from lightdepth.images.gain_map import GainMap, has_gain_map, read_gain_map
 from lightdepth.images.gpano import PhotoSphere, read_photo_sphere
-from lightdepth.images.icc import ColourProfile, read_profile, srgb_profile
+from lightdepth.images.icc import ColourProfile, read_profile, srgb_profile, unlike_srgb_numbers
 from lightdepth.images.orientation import upright
 from lightdepth.images.panorama_image import PanoramaImage
 from lightdepth.images.pixels import read_pixels
 from lightdepth.images.png_colours import png_profile
+from lightdepth.images.radiance import OPAQUE
 from lightdepth.packages import optional_package
 
 HEIF = (".heic", ".heif")
 EXTENSIONS = (".jpg", ".jpeg", ".png", ".tif", ".tiff", *HEIF)
-SAME_PRIMARIES, SCREEN_CURVES = (1, 2), (1, 2, 6, 13)
-"""Numbers of ITU-T H.273 for colours: primaries of Rec.709 or unknown, and transfer curves of pictures for the screen."""
 _ORIENTATION = 274
 _XMP_TAG, _ICC_TAG, _PHOTOMETRIC_TAG = 700, 34675, 262
 _OTHER_COLOURS = {5: "CMYK", 8: "CIE L*a*b*", 9: "ICC L*a*b*", 10: "ITU L*a*b*"}
@@ -104,7 +103,7 @@ def read_photograph(path: Path) -> PanoramaImage:
 
 def _opaque(pixels: NDArray) -> float:
     """Alpha from which on a pixel counts as opaque."""
-    return 0.98 * (np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0)
+    return OPAQUE * (np.iinfo(pixels.dtype).max if pixels.dtype.kind == "u" else 1.0)
 
 
 def read_flat_photograph(path: Path) -> NDArray[np.float32]:
@@ -192,11 +191,8 @@ def _check_heif_colours(image: Image.Image, path: Path) -> None:
     if image.info.get("icc_profile") or not numbers:
         return
     primaries, curve = (int(numbers.get(name, 2)) for name in ("color_primaries", "transfer_characteristics"))
-    if primaries not in SAME_PRIMARIES or curve not in SCREEN_CURVES:
-        raise InputError(
-            f"{path}: its colours (primaries {primaries}, curve {curve} of ITU-T H.273) are not those of sRGB; save it as "
-            "JPEG or 16-bit TIFF in sRGB"
-        )
+    if (unlike := unlike_srgb_numbers(primaries, curve)) is not None:
+        raise InputError(f"{path}: {unlike}; save it as JPEG or 16-bit TIFF in sRGB")
 
 
 def _xmp(image: Image.Image) -> bytes:

@@ -9,13 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from lightdepth.images.chromaticities import to_rec709
-from lightdepth.images.icc import ColourProfile, srgb_profile
+from lightdepth.images.icc import ColourProfile, srgb_profile, unlike_srgb_numbers
 
 SCREEN_GAMMA = 45455
 """What stands for sRGB's curve in ``gAMA``."""
 _NEAR = 2500
-_SRGB_NUMBERS = ((1, 2), (1, 2, 6, 13))
-"""Numbers of ITU-T H.273 in ``cICP``: primaries of Rec.709 or unknown, and curves of pictures for the screen."""
 
 
 def png_profile(path: Path) -> ColourProfile:
@@ -27,8 +25,8 @@ def png_profile(path: Path) -> ColourProfile:
     found = dict(_chunks(path))
     profile = srgb_profile()
     if len(code := found.get(b"cICP", b"")) == 4:
-        if code[0] not in _SRGB_NUMBERS[0] or code[1] not in _SRGB_NUMBERS[1]:
-            raise ValueError(f"its colours (primaries {code[0]}, curve {code[1]} of ITU-T H.273) are not those of sRGB")
+        if (unlike := unlike_srgb_numbers(code[0], code[1])) is not None:
+            raise ValueError(unlike)
         return profile
     if b"sRGB" in found:
         return profile

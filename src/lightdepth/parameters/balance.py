@@ -2,15 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, Depth, Positive, Share
-
-Ratio = Annotated[Positive, Field(gt=1.0)]
-"""More than 1; its inverse counts as well."""
+from lightdepth.parameters.ranges import CHECKED, Count, Depth, Positive, Ratio, Share
 
 
 @dataclass(frozen=True, config=CHECKED)

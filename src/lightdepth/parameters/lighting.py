@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Share
+from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Ratio, Share
 
 Elevation = Annotated[float, Field(strict=True, ge=-90.0, le=90.0)]
 Negative = Annotated[float, Field(strict=True, lt=0.0, allow_inf_nan=False)]
@@ -169,7 +169,7 @@ class LightingParameters:
     clipped_lit: Share = 0.3
     clipped_rounds: Count = 3
     clipped_place_error: Positive = 0.05
-    clipped_contradiction: Annotated[Positive, Field(gt=1.0)] = 3.0
+    clipped_contradiction: Ratio = 3.0
     clipped_gain_spread: Positive = 1.0
     clipped_largest_error: Positive = 0.3
     not_clipped: Share = 0.1

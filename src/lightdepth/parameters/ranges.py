@@ -25,6 +25,8 @@ Probability = Annotated[float, Field(strict=True, gt=0.0, lt=1.0)]
 """Between 0 and 1."""
 Positive = Annotated[float, Field(strict=True, gt=0.0, allow_inf_nan=False)]
 """More than 0."""
+Ratio = Annotated[Positive, Field(gt=1.0)]
+"""More than 1; its inverse counts as well."""
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
 """0 or more."""
 

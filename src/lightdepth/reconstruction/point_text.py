@@ -50,11 +50,6 @@ class _Layout:
         return line.replace(",", ".") if self.decimal_comma else line
 
 
-def read_text_points(path: Path) -> FloatArray:
-    """The points of :func:`read_text_cloud`."""
-    return read_text_cloud(path)[0]
-
-
 def read_text_cloud(path: Path) -> tuple[FloatArray, float | None]:
     """Read the points of a text file, a line each.
 
