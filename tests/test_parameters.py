@@ -28,7 +28,7 @@ from lightdepth.parameters import (  # noqa: E402
     RecoveryParameters,
     TransportParameters,
 )
-from lightdepth.parameters.reconstruction import BoxParameters  # noqa: E402
+from lightdepth.parameters.reconstruction import BoxParameters, DepthParameters  # noqa: E402
 from lightdepth.preparation.place import forget_places, prepare_place  # noqa: E402
 from lightdepth.scene.identity import scene_digest  # noqa: E402
 from lightdepth.scene.load import load_scene  # noqa: E402
@@ -139,6 +139,7 @@ def test_light_is_recovered_with_the_scene_s_parameters(scene):
         (LightingParameters, {"search_darkest": 0.5}),
         (QuickstartParameters, {"smallest_fov": 90.0}),
         (BoxParameters, {"farthest_wall": 12.0}),
+        (DepthParameters, {"filter_width": 8}),
     ],
 )
 def test_what_is_out_of_range_is_refused(kind, wrong):

@@ -4,13 +4,22 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Ratio, Share
 
+
+def _odd(value: int) -> int:
+    if value % 2 == 0:
+        raise ValueError("must be odd")
+    return value
+
+
 Angle = Annotated[Positive, Field(lt=90.0)]
 """Degrees between 0 and 90."""
+Width = Annotated[Annotated[int, Field(strict=True, ge=3)], AfterValidator(_odd)]
+"""Pixels across a square around one."""
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -166,16 +175,231 @@ class BoxParameters:
 
 
 @dataclass(frozen=True, config=CHECKED)
+class DepthParameters:
+    """How the surfaces of a depth image are cleaned and continued, for ``lightdepth reconstruct from-depth``.
+
+    Attributes:
+        much_missing: share of all directions that may be unmeasured without a warning.
+        largest_hole: half-angle, degrees, of a hole that is closed by going on with the surfaces around it; larger ones
+            are closed flatly.
+        least_continued: reciprocal distance in a hole, at least, relative to the least around it.
+        most_continued: reciprocal distance in a hole, at most, relative to the greatest around it.
+        filter_width: pixels across the window of the bilateral filter that takes measurement noise away.
+        filter_range: its range, standard deviations of the noise.
+        noise_levels: distances at which the noise is estimated.
+        negligible_noise: share of the reciprocal distance below which noise is rounding.
+        behind_reach: degrees by which a surface goes on behind what stands before it.
+        behind_nearer: what is nearer than the background by less than this factor belongs to it.
+        behind_gap: the background keeps at least this far behind, as a factor of the reciprocal distance.
+        behind_share: of the triangles, for what lies behind.
+        unseen_error: metres by which a surface may move in simplification though it need not.
+    """
+
+    much_missing: Share = 0.05
+    largest_hole: Annotated[Positive, Field(le=180.0)] = 60.0
+    least_continued: Share = 0.5
+    most_continued: Annotated[Positive, Field(ge=1.0)] = 4.0
+    filter_width: Width = 9
+    filter_range: Positive = 4.0
+    noise_levels: Annotated[Count, Field(ge=2)] = 12
+    negligible_noise: NotNegative = 2e-5
+    behind_reach: Angle = 10.0
+    behind_nearer: Ratio = 1.05
+    behind_gap: Share = 0.98
+    behind_share: Probability = 0.2
+    unseen_error: NotNegative = 0.002
+
+
+@dataclass(frozen=True, config=CHECKED)
+class UnitParameters:
+    """How the unknown unit of an estimated depth image is found.
+
+    Attributes:
+        rows: of the reduced picture by which it is found.
+        tolerance: relative error of an estimated distance up to which a pixel counts for the floor or ceiling.
+        steep: sine of the angle to the horizon from which floor and ceiling are looked for.
+        trials: of RANSAC, where there may be a shift; a sixth of them where there is none.
+        judges: pixels that judge a trial; a score needs no more.
+        least_floor: share of the directions below the horizon that the floor must hold.
+        least_score: what floor, and half of the ceiling, must hold less what lies below the floor; noise has up to 0.3.
+        needed_gain: a shift is accepted where floor and ceiling hold this many times as much with it.
+        surer: one kind is accepted where it explains this many times as much as the other.
+        lowest_ceiling: height of the lowest ceiling above the camera, camera heights.
+        highest_ceiling: that of the highest.
+    """
+
+    rows: Count = 64
+    tolerance: Positive = 0.12
+    steep: Probability = 0.25
+    trials: Annotated[Count, Field(ge=6)] = 3000
+    judges: Count = 4000
+    least_floor: Share = 0.15
+    least_score: Share = 0.35
+    needed_gain: Annotated[Positive, Field(ge=1.0)] = 1.15
+    surer: Annotated[Positive, Field(ge=1.0)] = 1.2
+    lowest_ceiling: Positive = 0.25
+    highest_ceiling: Positive = 6.0
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.lowest_ceiling >= self.highest_ceiling:
+            raise ValueError("lowest_ceiling must be less than highest_ceiling")
+        return self
+
+
+@dataclass(frozen=True, config=CHECKED)
+class PlaneParameters:
+    """How the planes of a room are found in an estimated depth image, and its smooth error.
+
+    Attributes:
+        degree: of the polynomial that the relative error is.
+        expected_error: standard deviation of the relative error over all directions.
+        unit_error: share of the weight of this expectation for the error's mean: the unit itself may be off by more.
+        patches: independent parts of the picture that speak about the error.
+        patch_noise: standard deviation of a patch's own relative error.
+        tolerance: relative error up to which a pixel counts for a plane.
+        least_wall: share of all directions that a wall must take.
+        least_ceiling: the same of a ceiling.
+        most_walls: walls that are looked for, at most.
+        most_ceilings: ceilings that are looked for, at most.
+        rows: of the reduced picture that planes are fitted to; joints are looked for in the whole.
+        trials: of RANSAC, for each wall.
+        judges: pixels that judge a trial.
+        least_apart: degrees between the two pixels of a trial, at least.
+        most_apart: the same at most.
+        level: sine of the angle to the horizon from which ceilings are looked for.
+        upright: slope against the vertical that what is fitted freely to a wall may have.
+        rounds: of fitting planes and error in turns.
+        same: relative difference up to which two planes of one direction are one.
+        square: degrees that a wall may be off from being square to the others for it to be made so.
+        crease: degrees over which the bend of the reciprocal distance along a meridian is measured.
+        searched: degrees from where planes meet by the fit so far, within which it is looked for where they meet in the
+            picture.
+        least_bend: share of the bend of two exact planes that a joint must have at least.
+        fewest_meridians: of those of a picture of 512 rows, on which a joint must be seen.
+    """
+
+    degree: Annotated[Count, Field(le=8)] = 4
+    expected_error: Positive = 0.05
+    unit_error: Positive = 0.04
+    patches: Positive = 300.0
+    patch_noise: Positive = 0.015
+    tolerance: Positive = 0.06
+    least_wall: Share = 0.012
+    least_ceiling: Share = 0.02
+    most_walls: Depth = 12
+    most_ceilings: Depth = 3
+    rows: Count = 64
+    trials: Count = 1200
+    judges: Count = 3000
+    least_apart: Angle = 6.0
+    most_apart: Angle = 35.0
+    level: Probability = 0.2
+    upright: Positive = 0.25
+    rounds: Count = 6
+    same: NotNegative = 0.05
+    square: Annotated[NotNegative, Field(le=45.0)] = 3.0
+    crease: Angle = 1.4
+    searched: Angle = 3.0
+    least_bend: Share = 0.3
+    fewest_meridians: Count = 12
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.least_apart >= self.most_apart:
+            raise ValueError("least_apart must be less than most_apart")
+        return self
+
+
+@dataclass(frozen=True, config=CHECKED)
+class EstimateParameters:
+    """How the pixels of an estimated depth image are made surfaces.
+
+    Attributes:
+        plane_errors: how many times the usual relative deviation from the planes a pixel of a plane may deviate.
+        least_plane_error: relative deviation that it may have in any case.
+        most_plane_error: relative deviation that it may have at most.
+        majority: pixels across the square in which most pixels' plane is taken.
+        small_patch: square degrees up to which a patch that differs from all around it is noise.
+        soft: pixels of an image of 1024 columns on either side of an edge over which an estimate blurs it.
+        step: ratio of the reciprocal distances within that, from which on there is an edge,
+        bent: where the picture also bends by more than this, relative to the reciprocal distance.
+        joint: pixels beside a joint within which the nearer of the two planes is what is seen.
+        convex: share of these pixels that must show the nearer one already for it to be so.
+        much_unknown: share of all directions that may be closed like a hole without a warning.
+        behind_reach: degrees behind an object over which the planes around it go on to their joints.
+    """
+
+    plane_errors: Positive = 4.0
+    least_plane_error: Positive = 0.02
+    most_plane_error: Positive = 0.06
+    majority: Width = 5
+    small_patch: NotNegative = 4.0
+    soft: Count = 3
+    step: Ratio = 1.15
+    bent: NotNegative = 0.05
+    joint: Count = 6
+    convex: Share = 0.7
+    much_unknown: Share = 0.005
+    behind_reach: Angle = 15.0
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.least_plane_error > self.most_plane_error:
+            raise ValueError("least_plane_error must be at most most_plane_error")
+        return self
+
+
+@dataclass(frozen=True, config=CHECKED)
+class FloorParameters:
+    """How the floor is found in measurements.
+
+    Attributes:
+        trials: of RANSAC, for each plane.
+        points: points, spread over the surfaces, that are looked at.
+        largest_tilt: angle to the horizontal that a floor may have, degrees.
+        least_share: share of these points that it must hold.
+        fewest_points: points that it must hold in any case.
+        contrast: a plane holds at least this many times as many points as the two layers of the same thickness beside it.
+        lower_step: metres that a floor lies below a table or bed that was taken for it, at least.
+        lower_share: such a lower floor holds at least this share of the points that the table holds.
+        flattest: cosine to the plane's normal of a face that can be laid flat without becoming a sliver.
+        highest: metres above the floor from which on the unit of a lens's height is doubted.
+    """
+
+    trials: Count = 500
+    points: Annotated[Count, Field(ge=3)] = 20_000
+    largest_tilt: Angle = 10.0
+    least_share: Share = 0.01
+    fewest_points: Annotated[Count, Field(ge=3)] = 30
+    contrast: NotNegative = 1.6
+    lower_step: NotNegative = 0.1
+    lower_share: Share = 0.25
+    flattest: Share = 0.2
+    highest: Positive = 30.0
+
+
+@dataclass(frozen=True, config=CHECKED)
 class ReconstructionParameters:
     """One object for each step; vary them by :func:`dataclasses.replace`, which checks them.
 
     Attributes:
         clicks: of fitting clicks together.
         box: of fitting a box to edges.
+        depth: of cleaning and continuing depth images.
+        unit: of finding the unit of an estimated one.
+        planes: of finding its planes.
+        estimate: of making its pixels surfaces.
+        floor: of finding the floor.
     """
 
     clicks: ClickParameters = ClickParameters()
     box: BoxParameters = BoxParameters()
+    depth: DepthParameters = DepthParameters()
+    unit: UnitParameters = UnitParameters()
+    planes: PlaneParameters = PlaneParameters()
+    estimate: EstimateParameters = EstimateParameters()
+    floor: FloorParameters = FloorParameters()
 
 
 DEFAULT = ReconstructionParameters()
