@@ -16,16 +16,19 @@ from lightdepth.parameters.reconstruction import (
     EstimateParameters,
     FloorParameters,
     PlaneParameters,
+    PointParameters,
     ReconstructionParameters,
     UnitParameters,
 )
 from lightdepth.quickstart.place import guess_place
 from lightdepth.quickstart.pose import GuessedPose
+from lightdepth.reconstruction.cleaning import without_outliers
 from lightdepth.reconstruction.depth_image import DepthImage, denoised, fill_missing
 from lightdepth.reconstruction.depth_unit import Unit, solve_unit
 from lightdepth.reconstruction.floor import find_floor
 from lightdepth.reconstruction.from_estimate import surfaces_from_estimate
 from lightdepth.reconstruction.layout import Clicked, surfaces_from_layout
+from lightdepth.reconstruction.point_cloud import PointCloud
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.reconstruction.room_box import fit_room_box
 from lightdepth.reconstruction.room_planes import find_room_planes
@@ -143,3 +146,10 @@ def test_a_table_is_a_floor_where_what_is_below_it_does_not_count():
     eye = np.array([0.0, 0.0, 1.6])
     heights = [find_floor(points, eye, tuned=FloorParameters(lower_share=share)).offset for share in (0.25, 0.9)]
     assert heights == pytest.approx([0.0, 0.75], abs=0.01)
+
+
+def test_points_are_outliers_only_from_the_distance_on_that_is_asked_for():
+    grid = np.stack(np.meshgrid(np.arange(20.0), np.arange(20.0), [0.0]), axis=-1).reshape(-1, 3)
+    cloud = PointCloud(np.concatenate([grid, [[10.0, 10.0, 6.0]]]))
+    lax = PointParameters(outlier_factor=100.0, stray_factor=100.0)
+    assert [len(without_outliers(cloud, tuned).points) for tuned in (PointParameters(), lax)] == [400, 401]

@@ -380,6 +380,51 @@ class FloorParameters:
 
 
 @dataclass(frozen=True, config=CHECKED)
+class PointParameters:
+    """How points are cleaned and continued, for ``lightdepth reconstruct from-points``.
+
+    Attributes:
+        per_cell: a cell of the surface is this many times as wide as the spacing of the points that it is made from.
+        open_cells: where nothing was measured within this many cells, the surface is the reconstruction's own invention.
+        outlier_neighbours: nearest points that a point is compared with.
+        outlier_factor: an outlier is farther from them than this many times their own distances.
+        smallest_clump: points that hang together, at least; fewer are strays.
+        stray_factor: times the median distance between neighbours from which on a point is a stray.
+        smoothing_neighbours: nearest points through which a plane is fitted.
+        gap_cells: a direction is unmeasured where the nearest measured point lies this many cells beside it.
+        gap_fewest_rows: rows of the picture in which unmeasured directions are looked for, at least.
+        gap_most_rows: the same at most.
+        ring: degrees across the ring around unmeasured directions, from whose points it is judged how the place goes on.
+        plane_share: a plane goes on where it holds at least this share of the ring's points.
+        plane_beyond: a plane that more than this share of the ring's points lie behind is furniture's: one sees past it.
+        plane_trials: of RANSAC, for each plane.
+        plane_judges: points that judge a trial.
+    """
+
+    per_cell: Positive = 2.0
+    open_cells: Positive = 4.0
+    outlier_neighbours: Count = 8
+    outlier_factor: Annotated[Positive, Field(ge=1.0)] = 3.0
+    smallest_clump: Count = 30
+    stray_factor: Annotated[Positive, Field(ge=1.0)] = 8.0
+    smoothing_neighbours: Annotated[Count, Field(ge=3)] = 32
+    gap_cells: Positive = 4.0
+    gap_fewest_rows: Annotated[Count, Field(ge=2)] = 64
+    gap_most_rows: Annotated[Count, Field(ge=2)] = 400
+    ring: Angle = 12.0
+    plane_share: Share = 0.04
+    plane_beyond: Share = 0.04
+    plane_trials: Count = 300
+    plane_judges: Count = 3000
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.gap_fewest_rows > self.gap_most_rows:
+            raise ValueError("gap_fewest_rows must be at most gap_most_rows")
+        return self
+
+
+@dataclass(frozen=True, config=CHECKED)
 class ReconstructionParameters:
     """One object for each step; vary them by :func:`dataclasses.replace`, which checks them.
 
@@ -391,6 +436,7 @@ class ReconstructionParameters:
         planes: of finding its planes.
         estimate: of making its pixels surfaces.
         floor: of finding the floor.
+        points: of cleaning and continuing points.
     """
 
     clicks: ClickParameters = ClickParameters()
@@ -400,6 +446,7 @@ class ReconstructionParameters:
     planes: PlaneParameters = PlaneParameters()
     estimate: EstimateParameters = EstimateParameters()
     floor: FloorParameters = FloorParameters()
+    points: PointParameters = PointParameters()
 
 
 DEFAULT = ReconstructionParameters()
