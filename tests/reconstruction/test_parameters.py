@@ -7,8 +7,9 @@ import pytest
 
 from lightdepth.calibration.line_detection import detect_arcs
 from lightdepth.calibration.room_frame import find_room_frame
-from lightdepth.directions import pixel_directions, pixel_solid_angles
+from lightdepth.directions import latlong_to_direction, pixel_directions, pixel_solid_angles
 from lightdepth.errors import InputError, InputWarning
+from lightdepth.lightmap.file import LightDepthMap
 from lightdepth.parameters.reconstruction import (
     BoxParameters,
     ClickParameters,
@@ -18,20 +19,26 @@ from lightdepth.parameters.reconstruction import (
     PlaneParameters,
     PointParameters,
     ReconstructionParameters,
+    ReviewParameters,
+    SourceParameters,
     UnitParameters,
 )
 from lightdepth.quickstart.place import guess_place
 from lightdepth.quickstart.pose import GuessedPose
 from lightdepth.reconstruction.cleaning import without_outliers
+from lightdepth.reconstruction.coverage import enclosing_shell, measure_coverage
 from lightdepth.reconstruction.depth_image import DepthImage, denoised, fill_missing
 from lightdepth.reconstruction.depth_unit import Unit, solve_unit
 from lightdepth.reconstruction.floor import find_floor
 from lightdepth.reconstruction.from_estimate import surfaces_from_estimate
 from lightdepth.reconstruction.layout import Clicked, surfaces_from_layout
+from lightdepth.reconstruction.lights import strongest_sources
 from lightdepth.reconstruction.point_cloud import PointCloud
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.reconstruction.room_box import fit_room_box
 from lightdepth.reconstruction.room_planes import find_room_planes
+from tests.checks.rooms import CAPTURE as CENTRE
+from tests.checks.rooms import room
 from tests.quickstart.painted_room import CAPTURE as PAINTED
 from tests.quickstart.painted_room import painted_room
 from tests.reconstruction.test_floor import plane
@@ -153,3 +160,26 @@ def test_points_are_outliers_only_from_the_distance_on_that_is_asked_for():
     cloud = PointCloud(np.concatenate([grid, [[10.0, 10.0, 6.0]]]))
     lax = PointParameters(outlier_factor=100.0, stray_factor=100.0)
     assert [len(without_outliers(cloud, tuned).points) for tuned in (PointParameters(), lax)] == [400, 401]
+
+
+def test_a_source_is_as_bright_and_as_large_as_is_asked_for():
+    directions = pixel_directions(64, 128)
+    toward = directions @ latlong_to_direction(0.5, 0.5)
+    light = np.where(toward > np.cos(np.radians(20.0)), 20.0, 0.1)
+    light[toward > np.cos(np.radians(8.0))] = 100.0
+    pixels = np.repeat(light[..., None], 3, axis=-1).astype(np.float32)
+    lamp = LightDepthMap(pixels, np.full((64, 128), np.inf, np.float32), np.zeros(3), np.eye(3))
+    (whole,), (core,) = strongest_sources(lamp), strongest_sources(lamp, tuned=SourceParameters(edge=0.5))
+    assert (whole.pixels == (light > 1.0)).all()
+    assert (core.pixels == (light > 50.0)).all()
+    assert not strongest_sources(lamp, tuned=SourceParameters(bright=1000.0))
+
+
+def test_coverage_and_shell_follow_the_review_s_parameters():
+    surfaces, pose = room(without=["front"]), Pose(CENTRE, np.eye(3))
+    coarse, fine = (measure_coverage(surfaces, pose, tuned=ReviewParameters(coverage_rows=rows)) for rows in (16, 128))
+    exact = measure_coverage(surfaces, pose).open
+    assert 0.0 < abs(fine.open - exact) < abs(coarse.open - exact)
+    corners = np.concatenate([surface.mesh.vertices for surface in surfaces])
+    shell = enclosing_shell(surfaces, pose, ReviewParameters(shell_margin=0.5)).mesh.vertices
+    np.testing.assert_allclose(shell.min(axis=0), corners.min(axis=0) - 0.5, atol=1e-5)

@@ -425,6 +425,54 @@ class PointParameters:
 
 
 @dataclass(frozen=True, config=CHECKED)
+class SourceParameters:
+    """How the strongest sources of a light-depth map are found, for ``lightdepth reconstruct lights``.
+
+    Attributes:
+        edge: a source ends where its luminance falls below this share of its brightest part.
+        bright: a source is at least this many times as bright as the map's mean.
+        largest_width: pixels; wider maps are reduced: a lamp's place does not need more.
+        longest_glow: pixels around a source's core.
+        largest_step: neighbouring distances of a larger ratio belong to two sources.
+        grown: sources that are grown for each that is asked for; a speck may be brighter than a window.
+        flat: variance across a source, relative to that along its shorter side, up to which it is flat.
+    """
+
+    edge: Share = 0.15
+    bright: Positive = 3.0
+    largest_width: Annotated[Count, Field(ge=2)] = 2048
+    longest_glow: Depth = 64
+    largest_step: Ratio = 1.15
+    grown: Count = 4
+    flat: Share = 0.02
+
+
+@dataclass(frozen=True, config=CHECKED)
+class ReviewParameters:
+    """How a reconstruction is measured and drawn, for a person to judge.
+
+    Attributes:
+        coverage_rows: of the panorama whose pixels are rays that find what the surfaces leave open.
+        shell_margin: metres between the outermost surface and the shell around everything.
+        shell_share: the same as a share of the shell, where that is more.
+        sharpest_bend: degrees between normals a few pixels apart from which an edge is drawn.
+        shortest_edge: share of the picture's height; shorter edges are not drawn.
+        jump: share by which the reciprocal distance a few pixels on differs from the plane's, from which an edge is drawn.
+        same_position: metres by which two poses are the same.
+        same_rotation: the same of the entries of their rotations: a tenth of a degree.
+    """
+
+    coverage_rows: Annotated[Count, Field(ge=8)] = 512
+    shell_margin: NotNegative = 0.02
+    shell_share: Positive = 0.01
+    sharpest_bend: Annotated[Positive, Field(lt=180.0)] = 30.0
+    shortest_edge: Share = 0.05
+    jump: NotNegative = 0.04
+    same_position: NotNegative = 0.001
+    same_rotation: NotNegative = 2e-3
+
+
+@dataclass(frozen=True, config=CHECKED)
 class ReconstructionParameters:
     """One object for each step; vary them by :func:`dataclasses.replace`, which checks them.
 
@@ -437,6 +485,8 @@ class ReconstructionParameters:
         estimate: of making its pixels surfaces.
         floor: of finding the floor.
         points: of cleaning and continuing points.
+        sources: of finding the strongest sources.
+        review: of measuring and drawing a reconstruction.
     """
 
     clicks: ClickParameters = ClickParameters()
@@ -447,6 +497,8 @@ class ReconstructionParameters:
     estimate: EstimateParameters = EstimateParameters()
     floor: FloorParameters = FloorParameters()
     points: PointParameters = PointParameters()
+    sources: SourceParameters = SourceParameters()
+    review: ReviewParameters = ReviewParameters()
 
 
 DEFAULT = ReconstructionParameters()
