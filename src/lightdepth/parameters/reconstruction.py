@@ -53,6 +53,8 @@ class BoxParameters:
         rows: of the maps of edges and colours that are looked up.
         edge_blur: degrees (standard deviation) that a found edge may be off for it to count partly.
         long_edge: degrees of length from which a found edge counts fully.
+        short_edge: weight of the shortest edges, where long ones have 1.
+        long_contradiction: degrees of length from which an edge that does not fit its surface counts fully.
         beside: degrees between the places at which colours are compared.
         small_step: steps of colour (natural logarithm) that mean little.
         along: degrees along an edge over which its step of colour is compared with itself.
@@ -73,7 +75,9 @@ class BoxParameters:
         on_floor: the same on the floor, like a leg of a table.
         own_colours: degrees of elevation from which on colours are those of the floor or ceiling.
         wall_colours: degrees of elevation up to which colours are those of walls.
-        beside_floor: degrees above the horizon up to which colours are not those of the floor; below it for the ceiling.
+        beside_own: degrees of elevation on its own side of the horizon up to which colours are taken for those beside the
+            floor or ceiling.
+        beside_other: the same on the other side of the horizon.
         below_sides: weight of the colours on the two sides of an edge of the floor.
         above_sides: weight of those of an edge of the ceiling.
         areas: weight of whether floor, walls and ceiling have their colours as areas.
@@ -99,6 +103,7 @@ class BoxParameters:
         middle_weight: weight of the expectation that the camera stands about as far from all walls (squares of logarithms).
         pairs: of walls along x that are followed for each ceiling.
         starts: best boxes from which the search goes on by small steps.
+        tries: random steps that are tried from each of them, in each of eight rounds.
         settled: how far (natural logarithm) edges are moved onto those of the picture at the end, at most.
         settled_points: points that are looked up along each edge then.
         settled_beside: degrees on either side of an edge at which colours are compared then.
@@ -109,6 +114,8 @@ class BoxParameters:
     rows: Annotated[Count, Field(ge=64)] = 512
     edge_blur: Positive = 0.6
     long_edge: Positive = 10.0
+    short_edge: Share = 0.3
+    long_contradiction: Positive = 8.0
     beside: Positive = 1.1
     small_step: Positive = 0.025
     along: Count = 15
@@ -128,7 +135,8 @@ class BoxParameters:
     on_floor: Share = 0.25
     own_colours: Angle = 40.0
     wall_colours: Angle = 30.0
-    beside_floor: Angle = 5.0
+    beside_own: Angle = 5.0
+    beside_other: Angle = 40.0
     below_sides: NotNegative = 0.8
     above_sides: NotNegative = 0.5
     areas: NotNegative = 0.3
@@ -153,6 +161,7 @@ class BoxParameters:
     middle_weight: NotNegative = 20.0
     pairs: Count = 8
     starts: Count = 12
+    tries: Count = 600
     settled: NotNegative = 0.04
     settled_points: Count = 24
     settled_beside: Positive = 0.6
@@ -187,6 +196,7 @@ class DepthParameters:
         filter_width: pixels across the window of the bilateral filter that takes measurement noise away.
         filter_range: its range, standard deviations of the noise.
         noise_levels: distances at which the noise is estimated.
+        noise_pixels: pixels from which it is estimated at each of them, at least.
         negligible_noise: share of the reciprocal distance below which noise is rounding.
         behind_reach: degrees by which a surface goes on behind what stands before it.
         behind_nearer: what is nearer than the background by less than this factor belongs to it.
@@ -202,6 +212,7 @@ class DepthParameters:
     filter_width: Width = 9
     filter_range: Positive = 4.0
     noise_levels: Annotated[Count, Field(ge=2)] = 12
+    noise_pixels: Count = 50
     negligible_noise: NotNegative = 2e-5
     behind_reach: Angle = 10.0
     behind_nearer: Ratio = 1.05
@@ -218,27 +229,42 @@ class UnitParameters:
         rows: of the reduced picture by which it is found.
         tolerance: relative error of an estimated distance up to which a pixel counts for the floor or ceiling.
         steep: sine of the angle to the horizon from which floor and ceiling are looked for.
+        fewest_pixels: known pixels well below the horizon, at least.
         trials: of RANSAC, where there may be a shift; a sixth of them where there is none.
         judges: pixels that judge a trial; a score needs no more.
+        apart: natural logarithm of the ratio of the distances of the two floor pixels of a trial with a shift, at least.
         least_floor: share of the directions below the horizon that the floor must hold.
-        least_score: what floor, and half of the ceiling, must hold less what lies below the floor; noise has up to 0.3.
+        least_score: what floor and ceiling, by ``ceiling_weight``, must hold less what lies below the floor;
+            noise has up to 0.3.
         needed_gain: a shift is accepted where floor and ceiling hold this many times as much with it.
         surer: one kind is accepted where it explains this many times as much as the other.
         lowest_ceiling: height of the lowest ceiling above the camera, camera heights.
         highest_ceiling: that of the highest.
+        ceiling_step: natural logarithm of the ratio of two neighbouring heights that are tried.
+        ceiling_steps: neighbouring heights that a level ceiling takes up.
+        ceiling_weight: what a ceiling is worth, where a floor is worth 1.
+        ceiling_floor: what the floor must hold for a ceiling to count.
+        below: times ``tolerance`` from which on a pixel lies below the floor.
     """
 
     rows: Count = 64
     tolerance: Positive = 0.12
     steep: Probability = 0.25
+    fewest_pixels: Count = 50
     trials: Annotated[Count, Field(ge=6)] = 3000
     judges: Count = 4000
+    apart: NotNegative = 0.25
     least_floor: Share = 0.15
     least_score: Share = 0.35
     needed_gain: Annotated[Positive, Field(ge=1.0)] = 1.15
     surer: Annotated[Positive, Field(ge=1.0)] = 1.2
     lowest_ceiling: Positive = 0.25
     highest_ceiling: Positive = 6.0
+    ceiling_step: Positive = 0.04
+    ceiling_steps: Count = 4
+    ceiling_weight: NotNegative = 0.5
+    ceiling_floor: Share = 0.05
+    below: Positive = 2.0
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -255,11 +281,16 @@ class PlaneParameters:
         degree: of the polynomial that the relative error is.
         expected_error: standard deviation of the relative error over all directions.
         unit_error: share of the weight of this expectation for the error's mean: the unit itself may be off by more.
+        shift_error: weight of an error of the shift, beside the polynomial, where the estimate has a shift.
         patches: independent parts of the picture that speak about the error.
         patch_noise: standard deviation of a patch's own relative error.
         tolerance: relative error up to which a pixel counts for a plane.
+        first_tolerance: how many times as large it is in the first round, while the error is not known.
+        outer_tolerance: times ``tolerance`` from which on a pixel has no weight for the error.
         least_wall: share of all directions that a wall must take.
         least_ceiling: the same of a ceiling.
+        ceiling_step: natural logarithm of the ratio of two neighbouring heights that are tried.
+        ceiling_steps: neighbouring heights that a level ceiling takes up.
         most_walls: walls that are looked for, at most.
         most_ceilings: ceilings that are looked for, at most.
         rows: of the reduced picture that planes are fitted to; joints are looked for in the whole.
@@ -270,6 +301,7 @@ class PlaneParameters:
         level: sine of the angle to the horizon from which ceilings are looked for.
         upright: slope against the vertical that what is fitted freely to a wall may have.
         rounds: of fitting planes and error in turns.
+        fewest_pixels: pixels that a plane is fitted to, at least.
         same: relative difference up to which two planes of one direction are one.
         square: degrees that a wall may be off from being square to the others for it to be made so.
         crease: degrees over which the bend of the reciprocal distance along a meridian is measured.
@@ -277,16 +309,24 @@ class PlaneParameters:
             picture.
         least_bend: share of the bend of two exact planes that a joint must have at least.
         fewest_meridians: of those of a picture of 512 rows, on which a joint must be seen.
+        joint_prior: weight of the wall so far where one is put through its joint: few points far from each other give no
+            direction.
+        joint_turn: degrees by which its joint may turn a wall.
     """
 
     degree: Annotated[Count, Field(le=8)] = 4
     expected_error: Positive = 0.05
     unit_error: Positive = 0.04
+    shift_error: Positive = 0.3
     patches: Positive = 300.0
     patch_noise: Positive = 0.015
     tolerance: Positive = 0.06
+    first_tolerance: Annotated[Positive, Field(ge=1.0)] = 2.0
+    outer_tolerance: Annotated[Positive, Field(ge=1.0)] = 2.0
     least_wall: Share = 0.012
     least_ceiling: Share = 0.02
+    ceiling_step: Positive = 0.02
+    ceiling_steps: Count = 5
     most_walls: Depth = 12
     most_ceilings: Depth = 3
     rows: Count = 64
@@ -297,12 +337,15 @@ class PlaneParameters:
     level: Probability = 0.2
     upright: Positive = 0.25
     rounds: Count = 6
+    fewest_pixels: Count = 20
     same: NotNegative = 0.05
     square: Annotated[NotNegative, Field(le=45.0)] = 3.0
     crease: Angle = 1.4
     searched: Angle = 3.0
     least_bend: Share = 0.3
     fewest_meridians: Count = 12
+    joint_prior: Positive = 0.05
+    joint_turn: Angle = 10.0
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
@@ -326,7 +369,9 @@ class EstimateParameters:
         bent: where the picture also bends by more than this, relative to the reciprocal distance.
         joint: pixels beside a joint within which the nearer of the two planes is what is seen.
         convex: share of these pixels that must show the nearer one already for it to be so.
+        fewest_pixels: pixels beside a joint, at least.
         much_unknown: share of all directions that may be closed like a hole without a warning.
+        above_floor: pixels of no plane are at least this many times nearer than the floor.
         behind_reach: degrees behind an object over which the planes around it go on to their joints.
     """
 
@@ -340,7 +385,9 @@ class EstimateParameters:
     bent: NotNegative = 0.05
     joint: Count = 6
     convex: Share = 0.7
+    fewest_pixels: Count = 20
     much_unknown: Share = 0.005
+    above_floor: Annotated[Positive, Field(ge=1.0)] = 1.002
     behind_reach: Angle = 15.0
 
     @model_validator(mode="after")
@@ -365,6 +412,8 @@ class FloorParameters:
         lower_share: such a lower floor holds at least this share of the points that the table holds.
         flattest: cosine to the plane's normal of a face that can be laid flat without becoming a sliver.
         highest: metres above the floor from which on the unit of a lens's height is doubted.
+        same_unit: relative deviation from the ratio of two units up to which the floor's depth is taken for one in the
+            other unit.
     """
 
     trials: Count = 500
@@ -377,6 +426,7 @@ class FloorParameters:
     lower_share: Share = 0.25
     flattest: Share = 0.2
     highest: Positive = 30.0
+    same_unit: Share = 0.1
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -396,9 +446,16 @@ class PointParameters:
         gap_most_rows: the same at most.
         ring: degrees across the ring around unmeasured directions, from whose points it is judged how the place goes on.
         plane_share: a plane goes on where it holds at least this share of the ring's points.
+        plane_fewest: points that it holds in any case.
         plane_beyond: a plane that more than this share of the ring's points lie behind is furniture's: one sees past it.
         plane_trials: of RANSAC, for each plane.
         plane_judges: points that judge a trial.
+        plane_thickness: cells from a plane up to which a point may lie on it.
+        plane_normal: cosine between their normals from which on it does.
+        plane_behind: cells from which on a point lies behind a plane.
+        volume: side of the cube in which the surface is reconstructed, times the longest extent of the points.
+        coarsest: times that this cube is halved, at least.
+        finest: times that it is halved, at most: one more takes about four times the memory.
     """
 
     per_cell: Positive = 2.0
@@ -413,14 +470,23 @@ class PointParameters:
     gap_most_rows: Annotated[Count, Field(ge=2)] = 400
     ring: Angle = 12.0
     plane_share: Share = 0.04
+    plane_fewest: Annotated[Count, Field(ge=3)] = 30
     plane_beyond: Share = 0.04
     plane_trials: Count = 300
     plane_judges: Count = 3000
+    plane_thickness: Positive = 0.5
+    plane_normal: Share = 0.9
+    plane_behind: Positive = 2.0
+    volume: Annotated[Positive, Field(ge=1.0)] = 1.3
+    coarsest: Count = 5
+    finest: Annotated[Count, Field(le=14)] = 11
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         if self.gap_fewest_rows > self.gap_most_rows:
             raise ValueError("gap_fewest_rows must be at most gap_most_rows")
+        if self.coarsest > self.finest:
+            raise ValueError("coarsest must be at most finest")
         return self
 
 

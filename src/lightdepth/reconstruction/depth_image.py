@@ -137,7 +137,7 @@ def denoised(image: DepthImage, tuned: DepthParameters = DEFAULT.depth) -> Depth
     """
     reciprocal = 1.0 / fill_missing(image, tuned)
     seen = reciprocal > 0.0
-    levels, noise = _noise(reciprocal, seen & ~image.missing, tuned.noise_levels)
+    levels, noise = _noise(reciprocal, seen & ~image.missing, tuned)
     if len(levels) < 2 or np.median(noise / levels) < tuned.negligible_noise:
         return image
     # On the scale s with ds = dq / noise(q) the noise is 1 everywhere.
@@ -179,8 +179,10 @@ def _bilateral(image: FloatArray, tuned: DepthParameters) -> FloatArray:
             return result
 
 
-def _noise(reciprocal: FloatArray, measured: NDArray[np.bool_], count: int) -> tuple[FloatArray, FloatArray]:
-    """Standard deviation of the noise at some (``count``) levels of the reciprocal distance q, each of shape (n,).
+def _noise(
+    reciprocal: FloatArray, measured: NDArray[np.bool_], tuned: DepthParameters
+) -> tuple[FloatArray, FloatArray]:
+    """Standard deviation of the noise at some levels of the reciprocal distance q, each of shape (n,).
 
     Along a meridian a plane has ``q(t + d) + q(t - d) = 2 cos(d) q(t)``; what deviates is noise, but for edges, which
     the median ignores.
@@ -189,7 +191,7 @@ def _noise(reciprocal: FloatArray, measured: NDArray[np.bool_], count: int) -> t
     whole = measured[1:-1] & measured[:-2] & measured[2:]
     deviation = np.abs(q - (reciprocal[:-2] + reciprocal[2:]) / (2.0 * np.cos(np.pi / len(reciprocal))))[whole]
     order = np.argsort(q[whole])
-    groups = [group for group in np.array_split(order, count) if len(group) >= 50]
+    groups = [group for group in np.array_split(order, tuned.noise_levels) if len(group) >= tuned.noise_pixels]
     levels = np.array([np.median(q[whole][group]) for group in groups])
     noise = np.array([1.4826 / np.sqrt(1.5) * np.median(deviation[group]) for group in groups])
     distinct = np.concatenate([[True], np.diff(levels) > 0.0]) if groups else np.zeros(0, dtype=bool)

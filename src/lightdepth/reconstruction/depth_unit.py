@@ -73,7 +73,7 @@ def solve_unit(
     known = np.isfinite(values) & (np.abs(rise) > tuned.steep)
     values, rise, weights = values[known], rise[known], weights[known]
     below = rise < 0.0
-    if np.count_nonzero(below) < 50:
+    if np.count_nonzero(below) < tuned.fewest_pixels:
         raise InputError("no floor is found: too little is known below the horizon")
     kinds: tuple[Estimate, ...] = ("ray", "disparity") if kind is None else (kind,)
     found: list[tuple[float, Unit]] = []
@@ -125,7 +125,7 @@ def _solve(
             scales = (wanted[one] - wanted[other]) / step
         shifts = wanted[one] - scales * x[one]
         # Two pixels in one direction from the horizon say nothing about the shift.
-        apart = np.abs(np.log(wanted[one] / wanted[other])) > 0.25
+        apart = np.abs(np.log(wanted[one] / wanted[other])) > tuned.apart
         usable = apart & np.isfinite(scales) & (scales > 0.0)
         scales, shifts = scales[usable], shifts[usable]
     else:
@@ -156,12 +156,14 @@ def _score(
     agreement = 1.0 - (level / tuned.tolerance) ** 2
     total = weights[down].sum()
     floor = float((weights * agreement)[on].sum() / total)
-    under = float(weights[down & (level > 2.0 * tuned.tolerance)].sum() / total)
-    lowest, highest = np.log(tuned.lowest_ceiling), np.log(tuned.highest_ceiling)
+    under = float(weights[down & (level > tuned.below * tuned.tolerance)].sum() / total)
+    lowest, highest, step = np.log(tuned.lowest_ceiling), np.log(tuned.highest_ceiling), tuned.ceiling_step
     up = ~down & seen & (level > lowest) & (level < highest)
     ceiling = 0.0
     if up.any():
-        bins = np.histogram(level[up], np.arange(lowest, highest + 0.04, 0.04), weights=weights[up])[0]
-        ceiling = float(np.convolve(bins, np.ones(4), "same").max() / max(weights[~down].sum(), 1e-12))
+        bins = np.histogram(level[up], np.arange(lowest, highest + step, step), weights=weights[up])[0]
+        ceiling = float(
+            np.convolve(bins, np.ones(tuned.ceiling_steps), "same").max() / max(weights[~down].sum(), 1e-12)
+        )
     share = float(weights[on].sum() / total)
-    return floor - under + 0.5 * ceiling * (floor > 0.05), share
+    return floor - under + tuned.ceiling_weight * ceiling * (floor > tuned.ceiling_floor), share

@@ -63,7 +63,8 @@ def warn_of_height(path: Path, floor: Plane | None, pose: Pose, tuned: FloorPara
         return
     stated = float(pose.position[2])
     above = float(floor.heights(pose.position[None])[0])
-    unit = next((name for name, units in UNITS.items() if stated > 0.2 and 0.9 < above / stated / units < 1.1), None)
+    low, high = 1.0 - tuned.same_unit, 1.0 + tuned.same_unit
+    unit = next((name for name, units in UNITS.items() if stated > 0.2 and low < above / stated / units < high), None)
     if unit is not None:
         warn(
             f"{path}: its floor lies {above:.4g} m below the lens, and the pose has the lens {stated:.3g} m above the "

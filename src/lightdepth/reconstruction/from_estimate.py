@@ -135,7 +135,7 @@ def surfaces_from_estimate(
     corrected = _sharpened(corrected, tuned.estimate)
     label = _labels(corrected, directions, planes, solid_angles, tuned.estimate)
     label[declared] = -1
-    exact = _exact(corrected, label, directions, planes, declared)
+    exact = _exact(corrected, label, directions, planes, declared, tuned.estimate.above_floor)
     progress(0.6)
     surfaces = _surfaces(exact, label, directions, planes, pose, camera_height, most_faces, progress, tuned)
     floor_height = float(pose.position[2] - camera_height)
@@ -251,7 +251,7 @@ def _convex_pairs(
     for one in range(len(vectors)):
         for other in range(one + 1, len(vectors)):
             beside = near[one] & near[other] & ((label == one) | (label == other))
-            if np.count_nonzero(beside) < 20:
+            if np.count_nonzero(beside) < tuned.fewest_pixels:
                 continue
             nearer = directions[beside] @ (vectors[one] - vectors[other]) > 0.0
             if np.mean(nearer == (label[beside] == one)) > tuned.convex:
@@ -260,13 +260,18 @@ def _convex_pairs(
 
 
 def _exact(
-    corrected: FloatArray, label: Labels, directions: FloatArray, planes: RoomPlanes, sky: NDArray[np.bool_]
+    corrected: FloatArray,
+    label: Labels,
+    directions: FloatArray,
+    planes: RoomPlanes,
+    sky: NDArray[np.bool_],
+    above: float,
 ) -> FloatArray:
-    """Reciprocal distances with the planes' pixels on the planes, and nothing below the floor."""
+    """Reciprocal distances with the planes' pixels on the planes, and all others, ``above`` times, above the floor."""
     on = label >= 0
     exact = corrected.copy()
     exact[on] = np.einsum("ij,ij->i", directions[on], planes.vectors[label[on]])
-    floor = 1.002 * directions @ planes.vectors[0]
+    floor = above * directions @ planes.vectors[0]
     return np.where(on | sky, exact, np.maximum(exact, floor))
 
 

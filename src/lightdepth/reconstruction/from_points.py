@@ -71,7 +71,7 @@ def surfaces_from_points(
         continued, facing = continued_planes(points, normals, pose.position, cell, tuned.points)
         points, normals = np.concatenate([points, continued]), np.concatenate([normals, facing])
     progress("Reconstructing the surface", 0.0)
-    mesh = poisson_surface(points, normals, cell, most_faces)
+    mesh = poisson_surface(points, normals, cell, most_faces, tuned.points)
     if keep_open:
         near = KDTree(points).query(mesh.vertices)[0] < tuned.points.open_cells * cell
         mesh = part_of(mesh, near[mesh.faces].all(axis=1))

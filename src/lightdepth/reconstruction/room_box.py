@@ -84,7 +84,7 @@ def _search(evidence: RoomEvidence, camera_height: float) -> FloatArray:
     for start in found[np.argsort(-scores(found))[: tuned.starts]]:
         box = start
         for size in 0.05 * 0.75 ** np.arange(8):
-            steps = random.normal(0.0, size, (600, 5)) + random.normal(0.0, size, (600, 1))
+            steps = random.normal(0.0, size, (tuned.tries, 5)) + random.normal(0.0, size, (tuned.tries, 1))
             tried = np.concatenate([box[None], box * np.exp(steps)])
             value = scores(tried)
             box = tried[np.argmax(value)]

@@ -99,7 +99,7 @@ class RoomEvidence:
     def _edge_tables(self, grid: FloatArray, up: float, hidden: float, sides: float) -> FloatArray:
         """Evidence of floor (``up`` = -1) or ceiling edges by wall, distance and azimuth."""
         tuned = self.tuned
-        near = self._likeness(up, (-40.0, tuned.beside_floor))
+        near = self._likeness(up, (-tuned.beside_other, tuned.beside_own))
         found, steps, lengths, elevations, around = [], [], [], [], []
         for wall in range(4):
             tangent = TANGENTS[wall]
@@ -186,7 +186,7 @@ class RoomEvidence:
         """Add what found edges say of the surfaces that they would lie on."""
         tuned = self.tuned
         contradiction, agreement = np.log(tuned.contradiction), np.log(tuned.agreement)
-        points, axes, weights = _edge_points(frame, tuned.correlated)
+        points, axes, weights = _edge_points(frame, tuned)
         for wall in range(4):
             forward = points @ NORMALS[wall]
             azimuth = np.degrees(np.arctan2(points @ TANGENTS[wall], forward))
@@ -267,7 +267,7 @@ def _by_band(values: FloatArray, weights: FloatArray, bands: NDArray[np.int_]) -
     return np.asarray(top / np.maximum(bottom, 1e-9))
 
 
-def _edge_points(frame: RoomFrame, correlated: float) -> tuple[FloatArray, NDArray[np.int_], FloatArray]:
+def _edge_points(frame: RoomFrame, tuned: BoxParameters) -> tuple[FloatArray, NDArray[np.int_], FloatArray]:
     """Points every degree along the found edges, room frame, the axis that each lies along, and its weight."""
     points, axes, weights = [np.zeros((0, 3))], [np.zeros(0, int)], [np.zeros(0)]
     for ends, axis, length in zip(frame.arcs.ends, frame.axis, np.degrees(frame.arcs.length), strict=True):
@@ -277,7 +277,7 @@ def _edge_points(frame: RoomFrame, correlated: float) -> tuple[FloatArray, NDArr
         share = ((np.arange(count) + 0.5) / count)[:, None]
         points.append(_unit(((1.0 - share) * ends[0] + share * ends[1]) @ frame.rotation.T))
         axes.append(np.full(count, axis))
-        weights.append(np.full(count, length / count * min(1.0, length / 8.0) / correlated))
+        weights.append(np.full(count, length / count * min(1.0, length / tuned.long_contradiction) / tuned.correlated))
     return np.concatenate(points), np.concatenate(axes), np.concatenate(weights)
 
 
@@ -291,7 +291,9 @@ def _edge_maps(frame: RoomFrame, tuned: BoxParameters) -> NDArray[np.float32]:
             continue
         share = np.linspace(0.0, 1.0, 2 + int(2.0 * length / pixel))[:, None]
         line = ((1.0 - share) * ends[0] + share * ends[1]) @ frame.rotation.T
-        np.maximum.at(maps[axis], _cells(line, rows), np.float32(np.clip(length / tuned.long_edge, 0.3, 1.0)))
+        np.maximum.at(
+            maps[axis], _cells(line, rows), np.float32(np.clip(length / tuned.long_edge, tuned.short_edge, 1.0))
+        )
     farthest = int(3.0 * tuned.edge_blur / pixel)
     margin = farthest + 1
     wrapped = np.pad(maps, ((0, 0), (0, 0), (margin, margin)), mode="wrap")

@@ -32,15 +32,15 @@ class RoomPlanes:
             then walls; a plane has the reciprocal distance ``vector . w`` in the direction w.
         ceilings: how many ceilings there are.
         coefficients: of the smooth error, for :meth:`correction`.
-        degree: of the polynomial that it is.
         spread: robust standard deviation of what remains of the relative error on the planes.
+        tuned: what they were found with.
     """
 
     vectors: FloatArray
     ceilings: int
     coefficients: FloatArray
-    degree: int
     spread: float
+    tuned: PlaneParameters
 
     def correction(self, directions: FloatArray, reciprocal: FloatArray, unit: Unit) -> FloatArray:
         """Reciprocal distances without the smooth error.
@@ -50,7 +50,7 @@ class RoomPlanes:
             reciprocal: of the estimate, 1 / metres, shape (...).
             unit: of the estimate.
         """
-        columns = _columns(directions.reshape(-1, 3), reciprocal.reshape(-1), unit, self.degree)
+        columns = _columns(directions.reshape(-1, 3), reciprocal.reshape(-1), unit, self.tuned)
         return reciprocal * np.exp(columns @ self.coefficients).reshape(reciprocal.shape)
 
 
@@ -103,7 +103,7 @@ class _Fit:
         self._directions, self._estimate, self._weights = directions, reciprocal, weights
         self._unit, self._tuned = unit, tuned
         self._level_columns: FloatArray | None = None
-        self._columns = _columns(directions, reciprocal, unit, tuned.degree)
+        self._columns = _columns(directions, reciprocal, unit, tuned)
         self._vectors = np.array([[0.0, 0.0, -1.0 / height]])
         self._ceilings = 0
         self._measured = np.array([True])
@@ -113,19 +113,19 @@ class _Fit:
         label, ratio = self._labels()
         error = np.abs(ratio[label >= 0])
         spread = 1.4826 * float(np.median(error)) if len(error) else self._tuned.tolerance
-        return RoomPlanes(self._vectors, self._ceilings, self._coefficients, self._tuned.degree, spread)
+        return RoomPlanes(self._vectors, self._ceilings, self._coefficients, spread, self._tuned)
 
     def settle(self) -> None:
         """Fit error and planes in turns."""
         tuned = self._tuned
         for step in range(tuned.rounds):
-            label, _ = self._labels(2.0 if step == 0 else 1.0)
+            label, _ = self._labels(tuned.first_tolerance if step == 0 else 1.0)
             on = label >= 0
             model = np.einsum("ij,ij->i", self._directions[on], self._vectors[label[on]])
             wanted = np.log(np.maximum(model, 1e-9) / self._estimate[on])
             columns, weights = self._columns[on], self._weights[on] * tuned.patches / tuned.patch_noise**2
             deviation = wanted - columns @ self._coefficients
-            weights = weights * np.maximum(0.0, 1.0 - (deviation / (2.0 * tuned.tolerance)) ** 2) ** 2
+            weights = weights * np.maximum(0.0, 1.0 - (deviation / (tuned.outer_tolerance * tuned.tolerance)) ** 2) ** 2
             prior = np.eye(columns.shape[1]) * columns.shape[1] / tuned.expected_error**2
             prior[0, 0] *= tuned.unit_error
             self._coefficients = np.linalg.solve(
@@ -138,7 +138,7 @@ class _Fit:
         corrected = self._corrected()
         for index in range(1, len(self._vectors)):
             on = label == index
-            if self._measured[index] or np.count_nonzero(on) < 20:
+            if self._measured[index] or np.count_nonzero(on) < self._tuned.fewest_pixels:
                 continue
             # Relative errors: every pixel's equation is divided by its reciprocal distance.
             weights = self._weights[on] / corrected[on] ** 2
@@ -155,12 +155,13 @@ class _Fit:
             level = np.log(self._corrected()[left] / self._directions[left, 2])
             if not left.any():
                 return
-            bins = np.arange(level.min(), level.max() + 0.02, 0.02)
-            mass = np.histogram(level, bins, weights=self._weights[left])[0] if len(bins) > 5 else np.zeros(1)
-            smooth = np.convolve(mass, np.ones(5), "same")
+            step, across = self._tuned.ceiling_step, self._tuned.ceiling_steps
+            bins = np.arange(level.min(), level.max() + step, step)
+            mass = np.histogram(level, bins, weights=self._weights[left])[0] if len(bins) > across else np.zeros(1)
+            smooth = np.convolve(mass, np.ones(across), "same")
             if smooth.max() < self._tuned.least_ceiling:
                 return
-            middle = float(np.exp(bins[int(smooth.argmax())] + 0.01))
+            middle = float(np.exp(bins[int(smooth.argmax())] + 0.5 * step))
             self._vectors = np.insert(self._vectors, 1 + self._ceilings, [0.0, 0.0, middle], axis=0)
             self._measured = np.insert(self._measured, 1 + self._ceilings, False)
             self._ceilings += 1
@@ -240,7 +241,7 @@ class _Fit:
             use = np.isfinite(found)
             if np.count_nonzero(use) >= fewest:
                 feet[number] = level[use] / (lower * found[use])[:, None]
-                self._vectors[number, :2] = _through(feet[number], walls[index])
+                self._vectors[number, :2] = _through(feet[number], walls[index], self._tuned)
         self.make_square()
         for number, points in feet.items():
             along = self._vectors[number, :2] / np.linalg.norm(self._vectors[number, :2])
@@ -316,9 +317,7 @@ class _Fit:
         """The same as :meth:`_labels` for a whole level panorama."""
         directions = pixel_directions(*reciprocal.shape)
         if self._level_columns is None:
-            self._level_columns = _columns(
-                directions.reshape(-1, 3), reciprocal.reshape(-1), self._unit, self._tuned.degree
-            )
+            self._level_columns = _columns(directions.reshape(-1, 3), reciprocal.reshape(-1), self._unit, self._tuned)
         corrected = reciprocal * np.exp(self._level_columns @ self._coefficients).reshape(reciprocal.shape)
         return nearest_planes(self._vectors, directions, corrected, self._tuned.tolerance)
 
@@ -389,18 +388,18 @@ def nearest_planes(
     return np.where(np.abs(least) < tolerance, label, -1), least
 
 
-def _through(points: FloatArray, vector: FloatArray) -> FloatArray:
+def _through(points: FloatArray, vector: FloatArray, tuned: PlaneParameters) -> FloatArray:
     """The line ``p . m = 1`` through points of shape (n, 2), near the one given, by least squares with Tukey's weights."""
-    start = vector
+    start, prior = vector, tuned.joint_prior
     for _ in range(8):
         off = points @ vector - 1.0
         scale = max(3.0 * 1.4826 * float(np.median(np.abs(off))), 1e-3)
         weights = np.maximum(0.0, 1.0 - (off / scale) ** 2)
         # The line that is given counts a little: few points far from each other determine no direction.
-        rows = np.vstack([points * weights[:, None], 0.05 * np.eye(2) / np.linalg.norm(start)])
-        vector = np.linalg.lstsq(rows, np.concatenate([weights, 0.05 * start / np.linalg.norm(start)]), rcond=None)[0]
+        rows = np.vstack([points * weights[:, None], prior * np.eye(2) / np.linalg.norm(start)])
+        vector = np.linalg.lstsq(rows, np.concatenate([weights, prior * start / np.linalg.norm(start)]), rcond=None)[0]
     cosine = float(vector @ start) / float(np.linalg.norm(vector) * np.linalg.norm(start))
-    return vector if cosine > np.cos(np.radians(10.0)) else start
+    return vector if cosine > np.cos(np.radians(tuned.joint_turn)) else start
 
 
 def _log_ratio(model: FloatArray, reciprocal: FloatArray) -> FloatArray:
@@ -410,15 +409,15 @@ def _log_ratio(model: FloatArray, reciprocal: FloatArray) -> FloatArray:
     return np.where(usable, np.log(ratio), np.inf)
 
 
-def _columns(directions: FloatArray, reciprocal: FloatArray, unit: Unit, degree: int) -> FloatArray:
+def _columns(directions: FloatArray, reciprocal: FloatArray, unit: Unit, tuned: PlaneParameters) -> FloatArray:
     """What the logarithm of the error is composed of: polynomials, and an error of the shift where there is one."""
-    columns = _monomials(directions, degree) @ _orthonormal(degree)
+    columns = _monomials(directions, tuned.degree) @ _orthonormal(tuned.degree)
     if unit.shift == 0.0:
         return columns
     safe = np.maximum(reciprocal, 1e-9)
     usual = float(np.median(reciprocal[reciprocal > 0.0])) if (reciprocal > 0.0).any() else 1.0
     bent = usual / safe if unit.kind == "disparity" else safe / usual
-    return np.column_stack([columns, 0.3 * np.clip(bent, 0.0, 4.0)])
+    return np.column_stack([columns, tuned.shift_error * np.clip(bent, 0.0, 4.0)])
 
 
 def _monomials(directions: FloatArray, degree: int) -> FloatArray:

@@ -110,28 +110,33 @@ def _planes(
     """Planes that many points of the ring lie on and hardly any behind: normals and offsets, shape (k, 4)."""
     planes = []
     left = ring.copy()
-    needed = max(tuned.plane_share * ring.sum(), 30)
+    needed = max(tuned.plane_share * ring.sum(), tuned.plane_fewest)
     while left.sum() > needed:
         trials = random.choice(np.flatnonzero(left), tuned.plane_trials)
         some = random.choice(np.flatnonzero(left), min(tuned.plane_judges, int(left.sum())), replace=False)
-        counts = [_on(points[some], normals[some], normals[i], normals[i] @ points[i], cell).sum() for i in trials]
+        counts = [
+            _on(points[some], normals[some], normals[i], normals[i] @ points[i], cell, tuned).sum() for i in trials
+        ]
         best = trials[int(np.argmax(counts))]
         normal, offset = normals[best], normals[best] @ points[best]
         for _ in range(4):
-            own = _on(points, normals, normal, offset, cell)  # Also beyond the ring: the longer, the straighter.
+            own = _on(points, normals, normal, offset, cell, tuned)  # Also beyond the ring: the longer, the straighter.
             centre = points[own].mean(axis=0)
             fitted = np.linalg.eigh((points[own] - centre).T @ (points[own] - centre))[1][:, 0]
             normal = fitted * np.sign(fitted @ normal)
             offset = normal @ centre
-        own = _on(points, normals, normal, offset, cell) & left
+        own = _on(points, normals, normal, offset, cell, tuned) & left
         if own.sum() < needed:
             break
         left &= ~own
-        if np.mean(points[ring] @ normal - offset < -2.0 * cell) < tuned.plane_beyond:
+        if np.mean(points[ring] @ normal - offset < -tuned.plane_behind * cell) < tuned.plane_beyond:
             planes.append([*normal, offset])
     return np.array(planes).reshape(-1, 4)
 
 
-def _on(points: FloatArray, normals: FloatArray, normal: FloatArray, offset: float, cell: float) -> NDArray[np.bool_]:
+def _on(
+    points: FloatArray, normals: FloatArray, normal: FloatArray, offset: float, cell: float, tuned: PointParameters
+) -> NDArray[np.bool_]:
     """Which points lie on a plane and look its way."""
-    return (np.abs(points @ normal - offset) < 0.5 * cell) & (normals @ normal > 0.9)
+    near = np.abs(points @ normal - offset) < tuned.plane_thickness * cell
+    return near & (normals @ normal > tuned.plane_normal)
