@@ -20,6 +20,7 @@ from lightdepth.film.sums import Share, merge  # noqa: E402
 from lightdepth.lighting.clipped_sources import find_plateaus  # noqa: E402
 from lightdepth.lighting.panorama_view import PanoramaView  # noqa: E402
 from lightdepth.parameters import (  # noqa: E402
+    CalibrationParameters,
     FilmParameters,
     LightingParameters,
     Parameters,
@@ -35,6 +36,10 @@ from lightdepth.session.session import Job  # noqa: E402
 from lightdepth.store import Store  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
+ARGUMENTS = {
+    "calibration": CalibrationParameters(),
+    "quickstart": QuickstartParameters(),
+}
 NAMES = [(each.name, name.name) for each in fields(Parameters) for name in fields(getattr(Parameters(), each.name))]
 
 
@@ -163,13 +168,12 @@ def test_a_scene_file_may_vary_them(tmp_path):
 
 def test_the_documentation_has_them_all():
     text = (Path(__file__).parents[1] / "docs" / "parameters.md").read_text()
-    rows = re.findall(r"^## `(\w+)`|^\| `(\w+)` \| (\S+) \|", text, re.MULTILINE)
+    rows = re.findall(r"^## `(\w+)`|^\| `(\w+)` \| ([^|]+) \|", text, re.MULTILINE)
     place, found = "", []
     for header, name, value in rows:
         place = header or place
         found += [] if header else [(place, name, value)]
-    first = [
-        ("quickstart", each.name, repr(getattr(QuickstartParameters(), each.name)))
-        for each in fields(QuickstartParameters)
+    rooms = {each.name: getattr(Parameters(), each.name) for each in fields(Parameters)} | ARGUMENTS
+    assert found == [
+        (place, each.name, repr(getattr(room, each.name))) for place, room in rooms.items() for each in fields(room)
     ]
-    assert found == [(place, name, repr(getattr(getattr(Parameters(), place), name))) for place, name in NAMES] + first

@@ -1,8 +1,9 @@
 """The constants that were tuned, and why each has its value: a benchmark varies them without patching modules.
 
 They are part of a scene's settings (``[render.parameters]`` in its file), and so of every digest of a scene: sums,
-checkpoints, frames and cached places of different parameters are never taken for each other. Those by which a first
-scene is guessed, ``QuickstartParameters``, are arguments of the functions that guess it, and no part of the scene.
+checkpoints, frames and cached places of different parameters are never taken for each other. Those of what comes before
+the scene file are arguments of the functions that they belong to, and no part of the scene: ``CalibrationParameters``, and
+``QuickstartParameters``, by which a first scene is guessed.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from __future__ import annotations
 from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.balance import BalanceParameters
+from lightdepth.parameters.calibration import CalibrationParameters
 from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
@@ -22,6 +24,7 @@ from lightdepth.parameters.transport import TransportParameters
 
 __all__ = [
     "BalanceParameters",
+    "CalibrationParameters",
     "DenoisingParameters",
     "FilmParameters",
     "LightingParameters",
