@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Share
+from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Share
+
+FieldsOfView = Annotated[tuple[Annotated[Positive, Field(lt=180.0)], ...], Field(min_length=1)]
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -51,6 +56,18 @@ class CalibrationParameters:
         doubtful_clicks: click errors by which a cue may miss the solution without a warning.
         doubtful_tilt: degrees from which on a tilt is doubted.
         doubtful_rotation: degrees of the expected error of a rotation from which on another cue is asked for.
+        doubtful_focal_length: the same of its relative error.
+        view_fovs: degrees from which the search for a photograph's camera begins where its field of view is free.
+        view_starts: best starts that are followed, until one is as good as clicks can be.
+        view_spins: turns about an axis, known by lines, that are tried where points give the rest.
+        view_evaluations: of the errors from each start, at most.
+        view_false_alarm: chance that clicks as good as they are said to be are called contradictory.
+        view_hopeless: root mean square residual, in click errors, from which there is no use in a result.
+        view_culprit: share of the residual that is left without a cue, below which that cue is named as wrong.
+        view_undetermined: share of the best determined unknown's effect on the errors, below which one has none.
+        view_largest_distortion: coefficient of the lens.
+        map_pixels: of an ST map to which a lens is fitted.
+        map_error: pixels by which a fitted lens may miss a map without a warning.
     """
 
     edge_largest_width: Count = 2048
@@ -85,6 +102,18 @@ class CalibrationParameters:
     doubtful_clicks: Positive = 3.0
     doubtful_tilt: Positive = 60.0
     doubtful_rotation: Positive = 1.0
+    doubtful_focal_length: Positive = 0.03
+    view_fovs: FieldsOfView = (18.0, 28.0, 40.0, 55.0, 70.0, 88.0, 108.0)
+    view_starts: Count = 5
+    view_spins: Count = 24
+    view_evaluations: Count = 60
+    view_false_alarm: Probability = 1e-3
+    view_hopeless: Positive = 8.0
+    view_culprit: Share = 0.5
+    view_undetermined: Share = 1e-6
+    view_largest_distortion: Positive = 3.0
+    map_pixels: Count = 4000
+    map_error: Positive = 0.05
 
 
 DEFAULT = CalibrationParameters()
