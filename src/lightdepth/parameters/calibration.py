@@ -7,8 +7,9 @@ from typing import Annotated
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Share
+from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Share
 
+Factors = Annotated[tuple[Count, ...], Field(min_length=1)]
 FieldsOfView = Annotated[tuple[Annotated[Positive, Field(lt=180.0)], ...], Field(min_length=1)]
 
 
@@ -68,6 +69,45 @@ class CalibrationParameters:
         view_largest_distortion: coefficient of the lens.
         map_pixels: of an ST map to which a lens is fitted.
         map_error: pixels by which a fitted lens may miss a map without a warning.
+        second_starts: rotations from which the search for a second panorama's pose begins.
+        second_kept: best of them, that are refined.
+        second_weighings: times that the best is refined again, with the points weighed as from its position.
+        second_contradiction: click errors of the residual beyond which the points contradict each other.
+        second_culprit: as ``view_culprit``, of a point.
+        second_behind: cost of a point that the rays meet behind a capture point: the mirrored solutions have all of them
+            there.
+        second_grazing: least cosine of a ray with a surface's normal.
+        second_samples: sets of eight points that are tried where many may be wrong.
+        second_rounds: times that a pose is then solved from the points that agree with the last one.
+        doubtful_position: share of the baseline by which a second panorama's position may be off, two standard deviations,
+            without a warning.
+        feature_side: pixels of a view in which features are looked for, at most.
+        features: in a view, at most.
+        feature_contrast: least contrast of a feature, as SIFT counts it.
+        feature_ratio: of the distances to the best and to the second description, above which a match is ambiguous
+            (Lowe's test).
+        feature_same: degrees; matches nearer to each other than this in both panoramas count once.
+        feature_error: degrees of a match's standard deviation.
+        feature_tolerance: degrees within which a right match agrees with the pose.
+        feature_fewest: matches that are needed, and must agree.
+        feature_share: of the matches that must agree: fewer do so by chance.
+        match_rounds: times that templates of a shared point's surroundings are drawn, each with a better pose.
+        match_reach: click errors within which the template is searched.
+        match_half: half the template's side, pixels of the panorama in which they are larger.
+        match_coarsenings: times that these pixels are enlarged, in turn, until there is enough to be seen in the template.
+        match_finest: samples of a pixel along either side, at most.
+        match_nearer: share of its distance by which a surface must be nearer to be another one.
+        match_least_known: share of the template that must be seen by the first panorama.
+        match_likeness: least correlation of the template with what is found.
+        match_sharpness: by how much the correlation must fall one pixel away, in the direction in which it falls least:
+            edges slide.
+        match_independent: differences between the template and the picture that count as independent of each other.
+        match_apart: pixels around the best place within which no second place as good counts.
+        match_ambiguity: share of the best place's misfit to that of the second best, above which it is not clear which is
+            meant.
+        match_error: least standard deviation of a place found, pixels;
+        match_vague: and the largest, in multiples of the click's.
+        match_outlier: standard deviations by which a place found may be off before the click counts again.
     """
 
     edge_largest_width: Count = 2048
@@ -114,6 +154,40 @@ class CalibrationParameters:
     view_largest_distortion: Positive = 3.0
     map_pixels: Count = 4000
     map_error: Positive = 0.05
+    second_starts: Count = 300
+    second_kept: Count = 8
+    second_weighings: Count = 2
+    second_contradiction: Positive = 8.0
+    second_culprit: Share = 0.4
+    second_behind: NotNegative = 10.0
+    second_grazing: Positive = 0.02
+    second_samples: Count = 2000
+    second_rounds: Count = 3
+    doubtful_position: Positive = 0.05
+    feature_side: Annotated[Count, Field(ge=64)] = 640
+    features: Count = 1200
+    feature_contrast: Positive = 0.02
+    feature_ratio: Share = 0.8
+    feature_same: Positive = 0.15
+    feature_error: Positive = 0.15
+    feature_tolerance: Positive = 0.6
+    feature_fewest: Count = 20
+    feature_share: Share = 0.25
+    match_rounds: Count = 2
+    match_reach: Positive = 4.0
+    match_half: Count = 9
+    match_coarsenings: Factors = (1, 2)
+    match_finest: Annotated[Count, Field(ge=2)] = 4
+    match_nearer: Share = 0.02
+    match_least_known: Share = 0.75
+    match_likeness: Share = 0.8
+    match_sharpness: Positive = 0.002
+    match_independent: Count = 20
+    match_apart: Depth = 3
+    match_ambiguity: Share = 0.7
+    match_error: Positive = 0.3
+    match_vague: Positive = 0.5
+    match_outlier: Positive = 8.0
 
 
 DEFAULT = CalibrationParameters()
