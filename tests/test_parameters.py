@@ -21,6 +21,7 @@ from lightdepth.lighting.clipped_sources import find_plateaus  # noqa: E402
 from lightdepth.lighting.panorama_view import PanoramaView  # noqa: E402
 from lightdepth.parameters import (  # noqa: E402
     CalibrationParameters,
+    CaptureParameters,
     FilmParameters,
     LightingParameters,
     Parameters,
@@ -37,6 +38,7 @@ from lightdepth.store import Store  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
 ARGUMENTS = {
+    "capture": CaptureParameters(),
     "calibration": CalibrationParameters(),
     "quickstart": QuickstartParameters(),
 }

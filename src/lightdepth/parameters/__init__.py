@@ -2,8 +2,8 @@
 
 They are part of a scene's settings (``[render.parameters]`` in its file), and so of every digest of a scene: sums,
 checkpoints, frames and cached places of different parameters are never taken for each other. Those of what comes before
-the scene file are arguments of the functions that they belong to, and no part of the scene: ``CalibrationParameters``, and
-``QuickstartParameters``, by which a first scene is guessed.
+the scene file are arguments of the functions that they belong to, and no part of the scene: ``CaptureParameters``,
+``CalibrationParameters``, and ``QuickstartParameters``, by which a first scene is guessed.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.balance import BalanceParameters
 from lightdepth.parameters.calibration import CalibrationParameters
+from lightdepth.parameters.capture import CaptureParameters
 from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
@@ -25,6 +26,7 @@ from lightdepth.parameters.transport import TransportParameters
 __all__ = [
     "BalanceParameters",
     "CalibrationParameters",
+    "CaptureParameters",
     "DenoisingParameters",
     "FilmParameters",
     "LightingParameters",
