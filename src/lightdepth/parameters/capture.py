@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Ratio, Share
+
+Blurs = Annotated[tuple[Positive, ...], Field(min_length=1)]
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -49,6 +51,37 @@ class CaptureParameters:
         circle_trials: circles through three of these points.
         circle_tolerance: pixels from a circle up to which a point lies on it.
         circle_least_share: of the points that must lie on the circle.
+        rig_tolerance: degrees that the camera may stand from where the rig says, field of view included.
+        lens_least_fov: field of view over the stated one, at least, for a lens that could be real,
+        lens_greatest_fov: and at most.
+        lens_least_slope: of the distorted radius over the radius, at least,
+        lens_greatest_slope: and at most: distortion is mild.
+        lens_shift: share of the width by which the axis may be off the picture's middle.
+        matching_smallest: pixels of the longer side of the pictures in which control points are looked for, at least,
+        matching_largest: and at most.
+        matching_contrast: limit to which their local contrast is raised.
+        wrong_point: degrees between the two directions of a control point from which on it is reported.
+        large_gain: stops between photographs from which on their exposures are reported to differ.
+        stitch_distrust: weight of pixels that are clipped or black in every exposure: they count where nothing else does.
+        photometry_directions: at which photographs are compared; OpenCV looks up 32766 at once, at most.
+        photometry_even: local relative contrast around a direction up to which it counts in full.
+        photometry_prior: weight of gains of 1, relative to what photographs show: what agrees stays as it is.
+        photometry_rounds: in which what disagrees loses its say.
+        photometry_scale: standard deviations of the differences from which on it does.
+        blend_sharpness: the weight of a pixel is its distance from the photograph's edge to this power: each direction is
+            mostly one's.
+        dual_smallest_fov: degrees across a circle of a camera with two lenses, that are tried,
+        dual_largest_fov: to this,
+        dual_fov_step: in these steps.
+        dual_around: points along the seam,
+        dual_across: and across it, at which the two pictures are compared.
+        dual_band: degrees on both sides of the seam in which they are, while the field of view is not known,
+        dual_widest_band: and at most.
+        dual_gain_band: degrees on both sides in which their exposures are compared.
+        dual_rim: share of a circle's radius beyond which the lens mount shades the picture.
+        dual_blurs: pixels by which the pictures are blurred while they are aligned, one after the other.
+        dual_evaluations: of their agreement for each of these, at most.
+        dual_agreeing: correlation in the overlap below which poses found are not to be trusted.
     """
 
     bracket_same: Positive = 0.1
@@ -82,11 +115,49 @@ class CaptureParameters:
     circle_trials: Count = 300
     circle_tolerance: Positive = 2.5
     circle_least_share: Share = 0.6
+    rig_tolerance: Positive = 12.0
+    lens_least_fov: Positive = 0.7
+    lens_greatest_fov: Positive = 1.4
+    lens_least_slope: Positive = 0.6
+    lens_greatest_slope: Positive = 1.6
+    lens_shift: Positive = 0.08
+    matching_smallest: Count = 800
+    matching_largest: Count = 2000
+    matching_contrast: Positive = 3.0
+    wrong_point: Positive = 2.0
+    large_gain: Positive = 0.5
+    stitch_distrust: Share = 0.01
+    photometry_directions: Annotated[Count, Field(le=32_766)] = 30_000
+    photometry_even: Positive = 0.02
+    photometry_prior: Positive = 1e-3
+    photometry_rounds: Count = 12
+    photometry_scale: Positive = 2.0
+    blend_sharpness: Positive = 4.0
+    dual_smallest_fov: Positive = 184.0
+    dual_largest_fov: Annotated[Positive, Field(lt=360.0)] = 220.0
+    dual_fov_step: Positive = 3.0
+    dual_around: Count = 720
+    dual_across: Count = 9
+    dual_band: Positive = 1.2
+    dual_widest_band: Positive = 8.0
+    dual_gain_band: Positive = 3.0
+    dual_rim: Share = 0.985
+    dual_blurs: Blurs = (6.0, 2.0)
+    dual_evaluations: Count = 160
+    dual_agreeing: Share = 0.5
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.black >= self.white:
-            raise ValueError("black must be below white")
+        for low, high in (
+            ("black", "white"),
+            ("lens_least_fov", "lens_greatest_fov"),
+            ("lens_least_slope", "lens_greatest_slope"),
+            ("matching_smallest", "matching_largest"),
+            ("dual_smallest_fov", "dual_largest_fov"),
+            ("dual_band", "dual_widest_band"),
+        ):
+            if getattr(self, low) > getattr(self, high):
+                raise ValueError(f"{low} must be at most {high}")
         return self
 
 
