@@ -24,6 +24,7 @@ from lightdepth.parameters import (  # noqa: E402
     CaptureParameters,
     FilmParameters,
     LightingParameters,
+    MirrorBallParameters,
     Parameters,
     QuickstartParameters,
     RecoveryParameters,
@@ -39,6 +40,7 @@ from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
 ARGUMENTS = {
     "capture": CaptureParameters(),
+    "mirror_ball": MirrorBallParameters(),
     "calibration": CalibrationParameters(),
     "quickstart": QuickstartParameters(),
 }
@@ -139,6 +141,9 @@ def test_light_is_recovered_with_the_scene_s_parameters(scene):
         (RecoveryParameters, {"unseen_share": -0.1}),
         (LightingParameters, {"search_darkest": 0.5}),
         (QuickstartParameters, {"smallest_fov": 90.0}),
+        (CaptureParameters, {"black": 0.99}),
+        (MirrorBallParameters, {"rim_starts": (4, 1)}),
+        (CalibrationParameters, {"view_fovs": (40.0, 180.0)}),
     ],
 )
 def test_what_is_out_of_range_is_refused(kind, wrong):

@@ -3,7 +3,7 @@
 They are part of a scene's settings (``[render.parameters]`` in its file), and so of every digest of a scene: sums,
 checkpoints, frames and cached places of different parameters are never taken for each other. Those of what comes before
 the scene file are arguments of the functions that they belong to, and no part of the scene: ``CaptureParameters``,
-``CalibrationParameters``, and ``QuickstartParameters``, by which a first scene is guessed.
+``MirrorBallParameters``, ``CalibrationParameters``, and ``QuickstartParameters``, by which a first scene is guessed.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from lightdepth.parameters.capture import CaptureParameters
 from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
+from lightdepth.parameters.mirror_ball import MirrorBallParameters
 from lightdepth.parameters.place import PlaceParameters
 from lightdepth.parameters.quickstart import QuickstartParameters
 from lightdepth.parameters.ranges import CHECKED
@@ -30,6 +31,7 @@ __all__ = [
     "DenoisingParameters",
     "FilmParameters",
     "LightingParameters",
+    "MirrorBallParameters",
     "Parameters",
     "PlaceParameters",
     "QuickstartParameters",
