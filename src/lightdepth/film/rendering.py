@@ -393,7 +393,7 @@ class Rendering:
         if self.errors.shared.spent:
             facts |= {
                 "light_list_error": f"{self.errors.light_list():.5f}",
-                "cache_error": f"{self.errors.shared.cache:.5f}",
+                "radiance_cache_error": f"{self.errors.shared.cache:.5f}",
             }
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)
