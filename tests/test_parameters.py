@@ -20,8 +20,11 @@ from lightdepth.film.sums import Share, merge  # noqa: E402
 from lightdepth.lighting.clipped_sources import find_plateaus  # noqa: E402
 from lightdepth.lighting.panorama_view import PanoramaView  # noqa: E402
 from lightdepth.parameters import (  # noqa: E402
+    CalibrationParameters,
+    CaptureParameters,
     FilmParameters,
     LightingParameters,
+    MirrorBallParameters,
     Parameters,
     QuickstartParameters,
     ReconstructionParameters,
@@ -38,6 +41,9 @@ from lightdepth.store import Store  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
 ARGUMENTS = {
+    "capture": CaptureParameters(),
+    "mirror_ball": MirrorBallParameters(),
+    "calibration": CalibrationParameters(),
     **{f"reconstruction.{each.name}": each.default for each in fields(ReconstructionParameters)},
     "quickstart": QuickstartParameters(),
 }
@@ -138,6 +144,9 @@ def test_light_is_recovered_with_the_scene_s_parameters(scene):
         (RecoveryParameters, {"unseen_share": -0.1}),
         (LightingParameters, {"search_darkest": 0.5}),
         (QuickstartParameters, {"smallest_fov": 90.0}),
+        (CaptureParameters, {"black": 0.99}),
+        (MirrorBallParameters, {"rim_starts": (4, 1)}),
+        (CalibrationParameters, {"view_fovs": (40.0, 180.0)}),
         (BoxParameters, {"farthest_wall": 12.0}),
         (DepthParameters, {"filter_width": 8}),
     ],

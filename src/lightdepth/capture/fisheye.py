@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
-
-_BLACK = 0.012
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 
 @dataclass(frozen=True)
@@ -71,13 +70,14 @@ def parse_circle(text: str) -> Circle:
     return Circle(x, y, radius)
 
 
-def find_circle(photographs: Iterable[NDArray]) -> Circle:
+def find_circle(photographs: Iterable[NDArray], tuned: CaptureParameters = DEFAULT) -> Circle:
     """Find the fisheye circle in a bracket: bright inside, black outside.
 
     Long exposures show stray light outside the circle; the first photograph with black outside decides.
 
     Args:
         photographs: from the longest exposure to the shortest, RGB, 8 or 16 bits, each of shape (height, width, 3).
+        tuned: what is black, and what a circle.
 
     Returns:
         The circle, in pixels.
@@ -86,16 +86,16 @@ def find_circle(photographs: Iterable[NDArray]) -> Circle:
         InputError: there is no such circle.
     """
     for photograph in photographs:
-        scale = min(1.0, 1200.0 / max(photograph.shape[:2]))
+        scale = min(1.0, tuned.circle_side / max(photograph.shape[:2]))
         small = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         light = cv2.blur(small.max(axis=2).astype(np.float32) / np.iinfo(photograph.dtype).max, (3, 3))
-        if np.percentile(light, 3) > _BLACK:
+        if np.percentile(light, 3) > tuned.circle_black:
             continue
         points = _edge_points(light)
-        if len(points) < 24:
+        if len(points) < tuned.circle_fewest_points:
             continue
-        circle, share = _fit(points)
-        if share > 0.6:
+        circle, share = _fit(points, tuned)
+        if share > tuned.circle_least_share:
             return Circle(circle.x / scale, circle.y / scale, circle.radius / scale)
     raise InputError("no fisheye circle was found in the photographs; state it as --circle x,y,r in pixels")
 
@@ -152,13 +152,13 @@ def _edge_points(light: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.array(points).reshape(-1, 2)
 
 
-def _fit(points: NDArray[np.float64], tolerance: float = 2.5) -> tuple[Circle, float]:
+def _fit(points: NDArray[np.float64], tuned: CaptureParameters) -> tuple[Circle, float]:
     """The circle through most points by random sampling, refined on them, and the share of points on it."""
     rng = np.random.default_rng(0)
     best = np.zeros(len(points), dtype=bool)
-    for _ in range(300):
+    for _ in range(tuned.circle_trials):
         circle = circle_through(points[rng.choice(len(points), 3, replace=False)])
-        on_it = _distance(points, circle) < tolerance
+        on_it = _distance(points, circle) < tuned.circle_tolerance
         if on_it.sum() > best.sum():
             best = on_it
     if best.sum() < 3:
