@@ -27,9 +27,11 @@ from lightdepth.parameters import (  # noqa: E402
     MirrorBallParameters,
     Parameters,
     QuickstartParameters,
+    ReconstructionParameters,
     RecoveryParameters,
     TransportParameters,
 )
+from lightdepth.parameters.reconstruction import BoxParameters, DepthParameters  # noqa: E402
 from lightdepth.preparation.place import forget_places, prepare_place  # noqa: E402
 from lightdepth.scene.identity import scene_digest  # noqa: E402
 from lightdepth.scene.load import load_scene  # noqa: E402
@@ -42,6 +44,7 @@ ARGUMENTS = {
     "capture": CaptureParameters(),
     "mirror_ball": MirrorBallParameters(),
     "calibration": CalibrationParameters(),
+    **{f"reconstruction.{each.name}": each.default for each in fields(ReconstructionParameters)},
     "quickstart": QuickstartParameters(),
 }
 NAMES = [(each.name, name.name) for each in fields(Parameters) for name in fields(getattr(Parameters(), each.name))]
@@ -144,6 +147,8 @@ def test_light_is_recovered_with_the_scene_s_parameters(scene):
         (CaptureParameters, {"black": 0.99}),
         (MirrorBallParameters, {"rim_starts": (4, 1)}),
         (CalibrationParameters, {"view_fovs": (40.0, 180.0)}),
+        (BoxParameters, {"farthest_wall": 12.0}),
+        (DepthParameters, {"filter_width": 8}),
     ],
 )
 def test_what_is_out_of_range_is_refused(kind, wrong):
@@ -175,7 +180,7 @@ def test_a_scene_file_may_vary_them(tmp_path):
 
 def test_the_documentation_has_them_all():
     text = (Path(__file__).parents[1] / "docs" / "parameters.md").read_text()
-    rows = re.findall(r"^## `(\w+)`|^\| `(\w+)` \| ([^|]+) \|", text, re.MULTILINE)
+    rows = re.findall(r"^##+ `([\w.]+)`|^\| `(\w+)` \| ([^|]+) \|", text, re.MULTILINE)
     place, found = "", []
     for header, name, value in rows:
         place = header or place

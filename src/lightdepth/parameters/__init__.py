@@ -3,7 +3,8 @@
 They are part of a scene's settings (``[render.parameters]`` in its file), and so of every digest of a scene: sums,
 checkpoints, frames and cached places of different parameters are never taken for each other. Those of what comes before
 the scene file are arguments of the functions that they belong to, and no part of the scene: ``CaptureParameters``,
-``MirrorBallParameters``, ``CalibrationParameters``, and ``QuickstartParameters``, by which a first scene is guessed.
+``MirrorBallParameters``, ``CalibrationParameters``, ``ReconstructionParameters``, and ``QuickstartParameters``, by which
+a first scene is guessed.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from lightdepth.parameters.mirror_ball import MirrorBallParameters
 from lightdepth.parameters.place import PlaceParameters
 from lightdepth.parameters.quickstart import QuickstartParameters
 from lightdepth.parameters.ranges import CHECKED
+from lightdepth.parameters.reconstruction import ReconstructionParameters
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.parameters.reuse import ReuseParameters
 from lightdepth.parameters.transport import TransportParameters
@@ -35,6 +37,7 @@ __all__ = [
     "Parameters",
     "PlaceParameters",
     "QuickstartParameters",
+    "ReconstructionParameters",
     "RecoveryParameters",
     "ReuseParameters",
     "TransportParameters",
