@@ -102,7 +102,7 @@ class Rendering:
                 )
             else:
                 self.plate, self.alpha = self._own.radiance.copy(), np.ones(self._own.radiance.shape[:2], np.float32)
-            self.pixels = influenced_pixels(view, prepared)
+            self.pixels = influenced_pixels(view, prepared, self._parameters.selection_tile)
             self._list = PixelList(view, self.pixels)
             plate = (self.plate if self._own is None else self._own.scaled).reshape(-1, 3)
             light_tracer = prepared.integrator.light_tracer
@@ -245,7 +245,9 @@ class Rendering:
             picture = None if self._own is None else self._own.scaled
             seen = render_auxiliary(self._view, self._prepared, names, frame.coverage, self._parameters, picture)
             frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
-            frame.photograph = None if self._own is not None else render_shares(self._view, self._prepared.place)
+            frame.photograph = (
+                None if self._own is not None else render_shares(self._view, self._prepared.place, self._parameters)
+            )
             owners = [index for index, _ in self._prepared.shapes]
             frame.object_id = seen.mattes.dominant(frame.coverage.size, owners).reshape(frame.coverage.shape)
         if finish:
@@ -391,7 +393,7 @@ class Rendering:
         if self.errors.shared.spent:
             facts |= {
                 "light_list_error": f"{self.errors.light_list():.5f}",
-                "cache_error": f"{self.errors.shared.cache:.5f}",
+                "radiance_cache_error": f"{self.errors.shared.cache:.5f}",
             }
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)

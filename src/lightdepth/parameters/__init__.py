@@ -18,6 +18,7 @@ from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
 from lightdepth.parameters.mirror_ball import MirrorBallParameters
+from lightdepth.parameters.motion_blur import MotionBlurParameters
 from lightdepth.parameters.place import PlaceParameters
 from lightdepth.parameters.quickstart import QuickstartParameters
 from lightdepth.parameters.ranges import CHECKED
@@ -34,6 +35,7 @@ __all__ = [
     "FilmParameters",
     "LightingParameters",
     "MirrorBallParameters",
+    "MotionBlurParameters",
     "Parameters",
     "PlaceParameters",
     "QuickstartParameters",
@@ -56,6 +58,7 @@ class Parameters:
         transport: of following paths.
         film: of taking samples, and of the layers other than light.
         denoising: of removing what is left of the noise.
+        motion_blur: of the instants of a frame.
         reuse: of frames that share samples.
 
     Raises:
@@ -69,4 +72,5 @@ class Parameters:
     transport: TransportParameters = TransportParameters()
     film: FilmParameters = FilmParameters()
     denoising: DenoisingParameters = DenoisingParameters()
+    motion_blur: MotionBlurParameters = MotionBlurParameters()
     reuse: ReuseParameters = ReuseParameters()

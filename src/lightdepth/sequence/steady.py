@@ -70,7 +70,7 @@ class SteadyRendering(SequenceRendering):
         before = (self._samples.sampled(each) for each in reversed(around) if each < number)
         after = (self._samples.sampled(each) for each in around if each > number)
         frame = reuse(self._samples.frame(number), self._samples.sampled(number), (before, after))
-        frame.metadata["sharing"] = str(len(around))
+        frame.metadata["steady_frames"] = str(len(around))
         if self._wanted.job.denoise:
             from lightdepth.film.denoising import denoise
 
