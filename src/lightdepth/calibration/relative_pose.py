@@ -208,7 +208,7 @@ def _solved(points: SharedPoints, tuned: CalibrationParameters, starts: list[Rot
         for position in _positions(points, matrix):
             off = _off(points, matrix, position) / _spread(points, position, tuned)
             behind = tuned.second_behind * np.count_nonzero(_behind(points, matrix, position))
-            begun.append((float(np.log1p((off / 3.0) ** 2).sum()) + behind, rotation, position))
+            begun.append((float(np.log1p((off / tuned.second_start_scale) ** 2).sum()) + behind, rotation, position))
     begun.sort(key=lambda each: each[0])
 
     def parts(vector: FloatArray, start: Rotation) -> tuple[FloatArray, FloatArray]:
@@ -226,7 +226,8 @@ def _solved(points: SharedPoints, tuned: CalibrationParameters, starts: list[Rot
                 off = np.append(off, 100.0 * np.log(max(length, 1e-9) / points.baseline))
             return np.asarray(off)
 
-        found = least_squares(errors, [0.0, 0.0, 0.0, *position], loss="soft_l1", f_scale=2.0, x_scale=0.1)
+        start, scale = [0.0, 0.0, 0.0, *position], tuned.second_scale
+        found = least_squares(errors, start, loss="soft_l1", f_scale=scale, x_scale=0.1)
         matrix, place = parts(found.x, rotation)
         cost = float(found.cost) + tuned.second_behind * np.count_nonzero(_behind(points, matrix, place))
         return cost, Rotation.from_matrix(matrix), place, found.jac

@@ -71,8 +71,8 @@ def move(photograph: NDArray, matrix: NDArray[np.float64], scale: float) -> NDAr
 
 def _between(first: NDArray[np.float32], second: NDArray[np.float32], tuned: CaptureParameters) -> NDArray[np.float64]:
     """Matrix (3, 3) from pixels of ``first`` to pixels of ``second``; the identity where nothing can be compared."""
-    visible = (trust(first, tuned) > 0.3) & (second > 0.03)
-    if visible.mean() < 0.001:
+    visible = (trust(first, tuned) > tuned.align_trust) & (second > tuned.align_reading)
+    if visible.mean() < tuned.align_least_share:
         return np.eye(3)
     dx, dy = cv2.createAlignMTB(6).calculateShift(_bytes(second), _bytes(first))
     mask = cv2.dilate(visible.astype(np.uint8), np.ones((9, 9), np.uint8))

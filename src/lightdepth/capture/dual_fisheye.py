@@ -147,7 +147,7 @@ def _find_circles(picture: Orientation, warnings: list[str], tuned: CaptureParam
         level = max(float(np.percentile(half, 90)), 1e-12)
         codes = np.clip(255.0 * np.sqrt(np.maximum(half, 0.0) / level), 0, 255).astype(np.uint8)
         try:
-            circle = refine_circle(find_circle([codes], tuned), half)
+            circle = refine_circle(find_circle([codes], tuned), half, tuned)
         except InputError:
             rows, columns = half.shape[:2]
             circle = Circle(columns / 2.0, rows / 2.0, min(rows, columns) / 2.0)

@@ -173,7 +173,7 @@ def merge(
             codes = circle.crop(codes)
         return response.linear(codes) / np.float32(amounts[index]), _trust(codes, tuned)
 
-    reference = _reference(len(bracket), readings, tick) if deghost else None
+    reference = _reference(len(bracket), readings, tick, tuned) if deghost else None
     total: NDArray[np.float32] | None = None
     brightness, views = [], []
     for index, amount in enumerate(amounts):
@@ -232,7 +232,7 @@ def _check_exposures(
     """
     amounts = [exposure.amount for _, exposure in bracket]
     dark, bright = int(np.argmin(brightness)), int(np.argmax(brightness))
-    if max(amounts) < 1.05 * min(amounts) and brightness[bright] > tuned.merge_unlike * brightness[dark]:
+    if max(amounts) < tuned.merge_same * min(amounts) and brightness[bright] > tuned.merge_unlike * brightness[dark]:
         raise InputError(
             f"{bracket[bright][0]}: is exposed like {bracket[dark][0].name} by its EXIF data, but is "
             f"{brightness[bright] / max(brightness[dark], 1e-12):.3g} times as bright; state time, aperture and ISO in a "
@@ -263,7 +263,7 @@ def _check_views(
         off = float(np.median(first - second))
         # What moves in a view leaves most of it as it is.
         alike = np.mean(abs(first - second - off) < tuned.merge_alike)
-        if alike < 0.5 and np.corrcoef(first, second)[0, 1] < tuned.merge_likeness:
+        if alike < tuned.merge_least_alike and np.corrcoef(first, second)[0, 1] < tuned.merge_likeness:
             warn(
                 f"{path} and {other.name} hardly show the same view, but are merged as one bracket; if they are several "
                 "orientations, `capture stitch --bracket` states how many photographs each has"
@@ -290,7 +290,10 @@ def _trust(codes: Codes, tuned: CaptureParameters) -> NDArray[np.float32]:
 
 
 def _reference(
-    count: int, readings: Callable[[int], tuple[NDArray, NDArray]], tick: Callable[[str], None]
+    count: int,
+    readings: Callable[[int], tuple[NDArray, NDArray]],
+    tick: Callable[[str], None],
+    tuned: CaptureParameters,
 ) -> NDArray[np.float32]:
     """Radiance of each pixel from a single photograph: the middle exposure, or the nearest one that shows the pixel."""
     reference: NDArray[np.float32] | None = None
@@ -301,7 +304,7 @@ def _reference(
             reference, best = radiance.copy(), quality
         else:
             # A well exposed pixel stays; a poor one gives way to any better, for its noise would look like a ghost.
-            better = (best < 0.95) & (quality > best)
+            better = (best < tuned.merge_well_exposed) & (quality > best)
             reference[better], best = radiance[better], np.where(better, quality, best)
         tick("looking for ghosts")
     assert reference is not None
@@ -310,6 +313,10 @@ def _reference(
 
 def _moved(readings: NDArray[np.float32], expected: NDArray[np.float32], tuned: CaptureParameters) -> NDArray[np.bool_]:
     """Where a photograph disagrees with the reference, shape (height, width); a little wider than seen."""
-    differs = (np.abs(cv2.blur(readings - expected, (5, 5))) > tuned.merge_ghost).any(axis=2).astype(np.uint8)
+    differs = (
+        (np.abs(cv2.blur(readings - expected, (tuned.merge_ghost_blur, tuned.merge_ghost_blur))) > tuned.merge_ghost)
+        .any(axis=2)
+        .astype(np.uint8)
+    )
     # Edges of what moved are half transparent.
-    return cv2.dilate(differs, np.ones((9, 9), np.uint8)).astype(bool)
+    return cv2.dilate(differs, np.ones((tuned.merge_ghost_rim, tuned.merge_ghost_rim), np.uint8)).astype(bool)

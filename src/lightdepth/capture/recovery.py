@@ -120,7 +120,7 @@ def _recover_channel(readings: FloatArray, log_exposures: FloatArray, tuned: Cap
     curve, robust = base, np.ones_like(weight)
     for _ in range(tuned.response_rounds):
         # Readings have about equal noise everywhere; g has it times its slope.
-        slope = np.maximum(interpolate @ np.gradient(curve, levels), 0.5)
+        slope = np.maximum(interpolate @ np.gradient(curve, levels), tuned.response_least_slope)
         confidence = weight * robust / slope**2
         total = np.maximum(by_point @ confidence, 1e-30)
         # Debevec and Malik's equation 3 with the radiances eliminated, for the curve's difference from the base.
@@ -136,7 +136,7 @@ def _recover_channel(readings: FloatArray, log_exposures: FloatArray, tuned: Cap
         value = interpolate @ curve - target
         residual = (value - ((by_point @ (confidence * value)) / total)[point]) / slope
         scale = 1.4826 * np.median(np.abs(residual)) + 1e-4
-        robust = 1.0 / (1.0 + (residual / (3.0 * scale)) ** 2)
+        robust = 1.0 / (1.0 + (residual / (tuned.response_scale * scale)) ** 2)
     exposure = np.exp(curve)
     exposure[0] = 0.0
     return np.maximum.accumulate(exposure)

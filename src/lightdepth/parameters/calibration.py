@@ -70,7 +70,9 @@ class CalibrationParameters:
         map_pixels: of an ST map to which a lens is fitted.
         map_error: pixels by which a fitted lens may miss a map without a warning.
         second_starts: rotations from which the search for a second panorama's pose begins.
+        second_start_scale: standard deviations from which on a point counts less where these are compared.
         second_kept: best of them, that are refined.
+        second_scale: as ``second_start_scale``, where they are refined.
         second_weighings: times that the best is refined again, with the points weighed as from its position.
         second_contradiction: click errors of the residual beyond which the points contradict each other.
         second_culprit: as ``view_culprit``, of a point.
@@ -155,7 +157,9 @@ class CalibrationParameters:
     map_pixels: Count = 4000
     map_error: Positive = 0.05
     second_starts: Count = 300
+    second_start_scale: Positive = 3.0
     second_kept: Count = 8
+    second_scale: Positive = 2.0
     second_weighings: Count = 2
     second_contradiction: Positive = 8.0
     second_culprit: Share = 0.4

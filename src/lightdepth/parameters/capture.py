@@ -9,7 +9,7 @@ from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Ratio, Share
 
-Blurs = Annotated[tuple[Positive, ...], Field(min_length=1)]
+Pixels = Annotated[tuple[Positive, ...], Field(min_length=1)]
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -30,8 +30,13 @@ class CaptureParameters:
         response_fewest_readings: neither black nor white, that determine a channel's response.
         response_smoothness: of the response's difference from sRGB, relative to what the readings say.
         response_rounds: in which patches that changed during the bracket lose their say.
+        response_least_slope: of the response's logarithm over the reading, by which a reading's noise is taken.
+        response_scale: standard deviations of the differences from which on a patch loses its say.
         align_side: pixels; photographs are compared at this size at most. The result is good to some hundredths of such a
             pixel.
+        align_trust: in a reading of one photograph,
+        align_reading: and reading of the next one, from which on the two are compared at a pixel.
+        align_least_share: of such pixels, without which nothing is moved.
         align_iterations: of the refinement, at most.
         align_change: of the correlation that ends it.
         align_least_correlation: below which two photographs were not found to show the same; they are then taken to lie as
@@ -39,18 +44,29 @@ class CaptureParameters:
         merge_least_trust: in a black pixel of the longest exposure.
         merge_ghost: difference of readings in [0, 1] beyond which something moved; noise is alike in all readings, and
             much smaller.
+        merge_ghost_blur: pixels across the square over which such differences are means.
+        merge_ghost_rim: pixels across the square around each such pixel that counts as moved: edges are half transparent.
+        merge_well_exposed: trust in a reading of the middle exposure, from which on it is what others are compared with.
+        merge_same: ratio of exposures up to which they are said to be the same.
         merge_unlike: photographs of one view whose brightness differs by more were not exposed as is stated.
         merge_cells: width in cells of the small pictures by which the views of a bracket are compared.
         merge_least_cells: share of the cells that two photographs must both expose well to be compared.
-        merge_alike: by how much the logarithm of a cell's brightness may differ in pictures of one view,
-        merge_likeness: and their correlation.
+        merge_alike: by how much the logarithm of a cell's brightness may differ in pictures of one view.
+        merge_least_alike: share of the cells that are so alike in pictures of one view,
+        merge_likeness: or their correlation.
         negative: share of negative pixels from which on they are named; developers leave a few in the dark.
         circle_side: pixels of the longer side in which a fisheye's circle is searched.
         circle_black: light around a circle, at most, as a share of white.
+        circle_edge: light, between black and bright, from which on a point lies inside a circle.
         circle_fewest_points: on the edge between light and black.
         circle_trials: circles through three of these points.
         circle_tolerance: pixels from a circle up to which a point lies on it.
         circle_least_share: of the points that must lie on the circle.
+        circle_reach: share of its radius by which a circle of linear light is refined, at most.
+        circle_contrast: times that light inside its edge is brighter than outside,
+        circle_lit: and share of the median all around, from which on the edge is seen at a place.
+        circle_least_lit: share of the places all around at which it must be.
+        circle_tolerances: pixels up to which a place counts, from one fit to the next.
         rig_tolerance: degrees that the camera may stand from where the rig says, field of view included.
         lens_least_fov: field of view over the stated one, at least, for a lens that could be real,
         lens_greatest_fov: and at most.
@@ -97,24 +113,40 @@ class CaptureParameters:
     response_fewest_readings: Count = 64
     response_smoothness: Positive = 100.0
     response_rounds: Count = 5
+    response_least_slope: Positive = 0.5
+    response_scale: Positive = 3.0
     align_side: Count = 1600
+    align_trust: Share = 0.3
+    align_reading: Share = 0.03
+    align_least_share: Share = 0.001
     align_iterations: Count = 60
     align_change: Positive = 1e-5
     align_least_correlation: Share = 0.8
     merge_least_trust: Share = 0.05
     merge_ghost: Share = 0.05
+    merge_ghost_blur: Count = 5
+    merge_ghost_rim: Count = 9
+    merge_well_exposed: Share = 0.95
+    merge_same: Ratio = 1.05
     merge_unlike: Ratio = 1.5
     merge_cells: Count = 32
     merge_least_cells: Share = 0.12
     merge_alike: Positive = 0.25
+    merge_least_alike: Share = 0.5
     merge_likeness: Share = 0.4
     negative: Share = 0.01
     circle_side: Count = 1200
     circle_black: Share = 0.012
+    circle_edge: Share = 0.15
     circle_fewest_points: Count = 24
     circle_trials: Count = 300
     circle_tolerance: Positive = 2.5
     circle_least_share: Share = 0.6
+    circle_reach: Positive = 0.03
+    circle_contrast: Ratio = 4.0
+    circle_lit: Share = 0.1
+    circle_least_lit: Share = 0.5
+    circle_tolerances: Pixels = (2.0, 1.0, 0.5)
     rig_tolerance: Positive = 12.0
     lens_least_fov: Positive = 0.7
     lens_greatest_fov: Positive = 1.4
@@ -142,7 +174,7 @@ class CaptureParameters:
     dual_widest_band: Positive = 8.0
     dual_gain_band: Positive = 3.0
     dual_rim: Share = 0.985
-    dual_blurs: Blurs = (6.0, 2.0)
+    dual_blurs: Pixels = (6.0, 2.0)
     dual_evaluations: Count = 160
     dual_agreeing: Share = 0.5
 

@@ -24,6 +24,7 @@ class MirrorBallParameters:
         find_side: pixels of the longer side in which circles are searched.
         find_smallest: radius of the smallest ball that is searched, as share of the photograph's longer side.
         find_contrasts: edges of how many levels count in each of the searches for circles.
+        find_votes: of edges for a circle's centre, at least.
         find_candidates: circles from each of these searches,
         find_fitted: of which so many are fitted.
         find_coarse: width of the first search for the outline around a circle, in radii,
@@ -31,8 +32,9 @@ class MirrorBallParameters:
         find_rated: width of the step at the outline by which fitted circles are compared, in radii.
         find_iterations: of each fit, at most.
         outline_cap: step of the logarithm of radiance from which on an edge is as good as any: one lamp is no outline.
-        outline_edge: step that counts as an edge of the outline, if there is a lesser one just outside:
-        outline_stronger: so many times it must exceed that one.
+        outline_edge: step that counts as an edge of the outline,
+        outline_stronger: if it exceeds the one just outside by this factor.
+        outline_width: of these steps, in radii.
         outline_least_share: of the outline that must be an edge.
         outline_beyond: widths of a step outside the outline, at which the photograph is compared with it.
         rim_within: pixels inside the outline that are explained: farther in, the place is too compressed for a curve,
@@ -73,6 +75,7 @@ class MirrorBallParameters:
         unwrap_nearer: share of a distance by which something must be nearer to be in front.
         large_gain: stops between the photographs that are worth a warning.
         grey_points: on the half of the grey ball toward the camera.
+        grey_blur: standard deviation of the blur of its photograph, in radii.
         grey_grazing: cosine to the camera below which the grey ball's rim is left out.
         grey_irradiance_width: pixels across the panorama of which irradiance is the sum.
         grey_most_sources: that are solved for; the others stay as they are.
@@ -88,6 +91,7 @@ class MirrorBallParameters:
     find_side: Count = 640
     find_smallest: Share = 0.03
     find_contrasts: Positives = (120.0, 50.0)
+    find_votes: Positive = 8.0
     find_candidates: Count = 16
     find_fitted: Count = 4
     find_coarse: Positive = 0.06
@@ -97,6 +101,7 @@ class MirrorBallParameters:
     outline_cap: Positive = 0.25
     outline_edge: Positive = 0.03
     outline_stronger: Positive = 1.5
+    outline_width: Positive = 0.012
     outline_least_share: Share = 0.65
     outline_beyond: Positive = 2.5
     rim_within: Positive = 1.5
@@ -133,6 +138,7 @@ class MirrorBallParameters:
     unwrap_nearer: Share = 0.03
     large_gain: Positive = 0.5
     grey_points: Count = 600
+    grey_blur: Positive = 0.01
     grey_grazing: Share = 0.35
     grey_irradiance_width: Count = 128
     grey_most_sources: Count = 4

@@ -125,7 +125,7 @@ def _candidates(tones: NDArray[np.float32], tuned: MirrorBallParameters) -> list
     found: list[Circle] = []
     for contrast in tuned.find_contrasts:
         circles = cv2.HoughCircles(
-            grey, cv2.HOUGH_GRADIENT, 1.0, 4.0, param1=contrast, param2=8.0, minRadius=least,
+            grey, cv2.HOUGH_GRADIENT, 1.0, 4.0, param1=contrast, param2=tuned.find_votes, minRadius=least,
             maxRadius=max(grey.shape) // 2,
         )  # fmt: skip
         if circles is not None:
@@ -204,7 +204,7 @@ def _edge_strength(tones: NDArray[np.float32], view: BallView, width: float, tun
 
 def _edge_share(tones: NDArray[np.float32], view: BallView, tuned: MirrorBallParameters) -> float:
     """Share of the outline at which the tones step, much more than just outside."""
-    width = max(0.012, 1.5 / view.circle().radius)
+    width = max(tuned.outline_width, 1.5 / view.circle().radius)
     here, beyond = (
         np.nan_to_num(np.abs(_steps(tones, view, width, scale))) for scale in (1.0, 1.0 + tuned.outline_beyond * width)
     )

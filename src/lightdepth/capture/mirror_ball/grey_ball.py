@@ -134,7 +134,7 @@ def _shading(ball: Ball, grey: BallView, tuned: MirrorBallParameters) -> tuple[F
     to_camera /= np.linalg.norm(to_camera, axis=1, keepdims=True)
     normals = sphere[(sphere * to_camera).sum(axis=1) > tuned.grey_grazing]
     x, y = grey.seen_at(normals)
-    sigma = max(0.01 * grey.circle().radius, 0.5)
+    sigma = max(tuned.grey_blur * grey.circle().radius, 0.5)
     soft = cv2.GaussianBlur(ball.radiance, (0, 0), sigma)
     maps = ((x - 0.5).astype(np.float32)[None], (y - 0.5).astype(np.float32)[None])
     seen = cv2.remap(soft, *maps, cv2.INTER_LINEAR)[0].astype(np.float64) * ball.gain
