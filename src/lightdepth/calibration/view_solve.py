@@ -110,8 +110,8 @@ def _solved(cues: ViewCues, near: tuple[FloatArray, FloatArray] | None = None) -
         starts = sorted(problem.starts(), key=lambda start: start[0])[:STARTS]
     if not starts:
         raise InputError(
-            "what is given does not determine a camera: give two or more lines along one axis and one along another, or "
-            "4 known points"
+            "the lines and points given do not determine a camera: give two or more lines along one "
+            "axis and one along another, or 4 known points"
         )
     low, high = problem.bounds()
     best: Any = None
@@ -133,7 +133,9 @@ def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
     cues = problem.cues
     errors = problem.errors(vector)
     if not np.isfinite(errors).all():
-        raise InputError("no camera fits what is given: is a line clicked along another axis, or a number mistyped?")
+        raise InputError(
+            "no camera fits the lines and points given: is a line clicked along another axis, or a number mistyped?"
+        )
     jacobian = problem.jacobian(vector)
     scaled = jacobian * problem.scales(vector)
     _, singular, right = np.linalg.svd(scaled, full_matrices=True)
@@ -141,7 +143,9 @@ def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
     least[: len(singular)] = singular
     if least.min() < UNDETERMINED * least.max():
         weakest = int(np.argmax(np.abs(right[-1])))
-        raise InputError(f"what is given does not determine {problem.name_of(weakest)}; {problem.advice(weakest)}")
+        raise InputError(
+            f"the lines and points given do not determine {problem.name_of(weakest)}; {problem.advice(weakest)}"
+        )
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     deviation = np.sqrt(np.diag(covariance))
     free = problem.freedom(len(errors)) - len(vector)

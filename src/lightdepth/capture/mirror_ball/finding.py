@@ -84,7 +84,7 @@ def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics, reflecta
     if best is None or _edge_share(tones, best[1]) < LEAST_SHARE:
         raise InputError(
             f"{name}: no mirror ball was found: no circle in it has an edge almost all around; the ball must lie "
-            "within the frame, before what differs from it, or state its circle as --circle x,y,r in pixels"
+            "within the frame, in front of a background that differs from it; or state its circle as --circle x,y,r"
         )
     view = _fitted(tones, best[1], optics, name, 0.02)
     view = sharpened(radiance, view, reflectance)
