@@ -189,5 +189,5 @@ def test_what_is_not_determined_is_said():
     with pytest.raises(InputError, match="no scale"):
         calibrate_view(ViewCues(SIZE, lines=photo.lines(2, 0.0), points=photo.points(1, 0.0)))
     one = photo.lines(1, 0.0, axes=(1,))
-    with pytest.raises(InputError, match="does not determine"):
+    with pytest.raises(InputError, match="do not determine"):
         calibrate_view(ViewCues(SIZE, lines=vertical[:2] + one))

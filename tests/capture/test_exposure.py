@@ -236,7 +236,7 @@ def test_folder_is_sorted_by_time_of_taking_not_by_name(tmp_path):
         write_photograph(tmp_path / name, GREY, time, when)
     groups = brackets_in_folder(tmp_path)
     assert [[path.name for path, _ in group] for group in groups] == [["z.jpg", "y.jpg"], ["b.jpg", "a.jpg"]]
-    with pytest.raises(InputError, match="no multiple of --bracket 3"):
+    with pytest.raises(InputError, match="not a multiple of --bracket 3"):
         brackets_in_folder(tmp_path, size=3)
 
 

@@ -195,7 +195,7 @@ def _check(cues: Cues, origin: str) -> None:
     verticals = len(cues.verticals) if cues.verticals is not None else 0
     if rectangle is None and cues.room is None and verticals < 3:
         raise InputError(
-            f"{verticals} verticals do not suffice: give three or more, or a floor rectangle (--rectangle), or let "
+            f"{verticals} verticals are not enough: give three or more, or a floor rectangle (--rectangle), or let "
             "straight edges be found (--auto); a camera height alone (--camera-height) takes the panorama as level"
         )
 

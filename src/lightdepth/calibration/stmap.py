@@ -88,7 +88,7 @@ def fit_lens(
     here, there = pixel_centres(width, height).reshape(-1, 2), film.reshape(-1, 2)
     seen = ((there >= 0.0) & (there <= 1.0)).all(axis=1)
     if seen.sum() < 16:
-        raise InputError("the ST map has hardly a pixel that lies in the other picture (0 to 1)")
+        raise InputError("hardly any pixel of the ST map points into the other picture (0 to 1)")
     here, there = here[seen], there[seen]
     chosen = np.unique(np.linspace(0, len(here) - 1, tuned.map_pixels).astype(int))
     straight, bent = (here[chosen], there[chosen]) if undistorts else (there[chosen], here[chosen])

@@ -101,8 +101,8 @@ def _solved(
         starts = sorted(problem.starts(), key=lambda start: start[0])[: tuned.view_starts]
     if not starts:
         raise InputError(
-            "what is given does not determine a camera: give two or more lines along one axis and one along another, or "
-            "4 known points"
+            "the lines and points given do not determine a camera: give two or more lines along one "
+            "axis and one along another, or 4 known points"
         )
     low, high = problem.bounds()
     best: Any = None
@@ -127,7 +127,9 @@ def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
     cues, tuned = problem.cues, problem.tuned
     errors = problem.errors(vector)
     if not np.isfinite(errors).all():
-        raise InputError("no camera fits what is given: is a line clicked along another axis, or a number mistyped?")
+        raise InputError(
+            "no camera fits the lines and points given: is a line clicked along another axis, or a number mistyped?"
+        )
     jacobian = problem.jacobian(vector)
     scaled = jacobian * problem.scales(vector)
     _, singular, right = np.linalg.svd(scaled, full_matrices=True)
@@ -135,7 +137,9 @@ def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
     least[: len(singular)] = singular
     if least.min() < tuned.view_undetermined * least.max():
         weakest = int(np.argmax(np.abs(right[-1])))
-        raise InputError(f"what is given does not determine {problem.name_of(weakest)}; {problem.advice(weakest)}")
+        raise InputError(
+            f"the lines and points given do not determine {problem.name_of(weakest)}; {problem.advice(weakest)}"
+        )
     covariance = np.linalg.inv(jacobian.T @ jacobian)
     deviation = np.sqrt(np.diag(covariance))
     free = problem.freedom(len(errors)) - len(vector)

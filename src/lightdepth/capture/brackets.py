@@ -49,7 +49,7 @@ def brackets_in_folder(
         raise InputError(f"{folder}: holds no photographs; allowed are {', '.join(PHOTOGRAPHS)}")
     if size is not None:
         if size < 1 or len(photographs) % size:
-            raise InputError(f"{folder}: holds {len(photographs)} photographs, no multiple of --bracket {size}")
+            raise InputError(f"{folder}: holds {len(photographs)} photographs, not a multiple of --bracket {size}")
         return [photographs[start : start + size] for start in range(0, len(photographs), size)]
     return group_by_exposure(photographs, tuned)
 

@@ -138,7 +138,7 @@ def _find_circles(picture: Orientation, warnings: list[str], tuned: CaptureParam
     if abs(max(width, height) - 2 * min(width, height)) > 0.1 * max(width, height):
         raise InputError(
             f"{picture.name}: is {width} x {height} pixels; two circles side by side are about twice as long as wide. "
-            'State others by --circles "x,y,r x,y,r"'
+            'State other layouts by --circles "x,y,r x,y,r"'
         )
     found = []
     for index in range(2):

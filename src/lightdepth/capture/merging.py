@@ -125,7 +125,7 @@ def merge(
     white_balance = white_balance or shared_white_balance([path for path, _ in bracket], tuned)
     colours = camera_colours(bracket[0][0])
     if is_raw(bracket[0][0]) and not np.array_equal(response.curves, linear_response().curves):
-        raise InputError(f"{bracket[0][0]}: is RAW, whose readings are linear; a response (--response) is not for it")
+        raise InputError(f"{bracket[0][0]}: is RAW, whose values are linear; a response (--response) does not apply")
     bracket = sorted(bracket, key=lambda pair: pair[1].amount)
     amounts = [exposure.amount for _, exposure in bracket]
     # A fisheye that looks up or down has no upright; the camera's idea of one may change within the bracket.

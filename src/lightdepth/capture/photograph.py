@@ -91,7 +91,9 @@ def shared_white_balance(photographs: Sequence[Path], tuned: CaptureParameters =
         return None
     if len(raw) < len(photographs):
         other = next(path for path in photographs if not is_raw(path))
-        raise InputError(f"{other}: is no RAW file, but {raw[0].name} is; a shoot must be all of one kind")
+        raise InputError(
+            f"{other}: is not a RAW file, but {raw[0].name} is; all photographs of a shoot must be of one kind"
+        )
     balances, whites = [], []
     for path in raw:
         with _opened(path) as file:

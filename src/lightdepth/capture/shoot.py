@@ -132,7 +132,7 @@ def read_shoot(
     pairs = list(zip(inputs, _exposures(inputs, options.exposures), strict=True))
     if options.bracket is not None:
         if len(pairs) % options.bracket:
-            raise InputError(f"{len(pairs)} photographs are no multiple of --bracket {options.bracket}")
+            raise InputError(f"{len(pairs)} photographs are not a multiple of --bracket {options.bracket}")
         size = options.bracket
         brackets = [pairs[start : start + size] for start in range(0, len(pairs), size)]
         return _merge_all(brackets, options, progress, tuned)
@@ -146,7 +146,7 @@ def _check_one_kind(folder: Path, hdr: Sequence[Path], files: Sequence[Path]) ->
     if photographs:
         raise InputError(
             f"{folder}: holds HDR images, such as {hdr[0].name}, and photographs, such as {photographs[0].name}; "
-            "allowed are either: name the files, or move the others elsewhere"
+            "allowed is one of the two: name the files, or move the others elsewhere"
         )
 
 
@@ -167,7 +167,7 @@ def _merge_all(
         raise InputError(
             f"{brackets[0][0][0].parent}: the {len(brackets[0])} photographs from {brackets[0][0][0].name} to "
             f"{brackets[0][-1][0].name} look like one bracket of one orientation, for neither their exposures nor the "
-            "steps between them come again; state how many photographs each orientation has as --bracket (1 where there "
+            "steps between them repeat; state how many photographs each orientation has as --bracket (1 where there "
             "are no brackets)"
         )
     warnings = []

@@ -128,7 +128,7 @@ def stitch(
         if other.radiance.shape != first.radiance.shape:
             raise InputError(
                 f"{other.name}: is {other.radiance.shape[1]} x {other.radiance.shape[0]} pixels, {first.name} is "
-                f"{first.radiance.shape[1]} x {first.radiance.shape[0]}; all must come from one lens and be alike"
+                f"{first.radiance.shape[1]} x {first.radiance.shape[0]}; all must come from one lens and have one size"
             )
     hugin.require(hugin.ALIGNMENT_TOOLS + (seams.TOOLS if options.blender == "enblend" else ()))
     step = 0

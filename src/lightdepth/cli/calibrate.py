@@ -164,7 +164,7 @@ def calibrate(
         raise InputError(f"--bearing {bearing}: a finite number of degrees is needed")
     if picture is not None:
         if picture.suffix.lower() != ".png":
-            raise InputError(f"--picture {picture}: the check picture is a .png file")
+            raise InputError(f"--picture {picture}: the check picture must be a .png file")
         check_writable(picture)
     if scale_from is not None and (camera_height is not None or rectangle is not None):
         raise InputError("--scale-from gives the camera's height: leave out --camera-height and --rectangle")

@@ -82,7 +82,7 @@ def second(
 
     if picture is not None:
         if picture.suffix.lower() != ".png":
-            raise InputError(f"--picture {picture}: the check picture is a .png file")
+            raise InputError(f"--picture {picture}: the check picture must be a .png file")
         check_writable(picture)
     if write is not None:
         check_writable(write)

@@ -77,8 +77,8 @@ def read_depth_image(
     known = depth[np.isfinite(depth)]
     if known.size > 1 and known.min() == known.max():
         raise InputError(
-            f"{path}: all its distances are {known[0]:g} m; this is no depth of a place. Was the picture exported with the "
-            "wrong range or channel?"
+            f"{path}: all its distances are {known[0]:g} m; that cannot be the depth of a place. Was the picture "
+            "exported with the wrong range or channel?"
         )
     if sky_beyond is not None:
         depth[depth >= sky_beyond] = np.inf

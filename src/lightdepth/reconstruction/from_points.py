@@ -58,8 +58,8 @@ def surfaces_from_points(
     cloud = without_outliers(thinned(cloud, cell / tuned.points.per_cell), tuned.points)
     if len(cloud.points) < 100:
         raise InputError(
-            f"{len(cloud.points)} points are left without outliers at a detail of {cell:g} m; at least 100 are needed: "
-            "give a larger --detail, or check --scale"
+            f"{len(cloud.points)} points are left after the outliers were removed, at a detail of {cell:g} m; at least "
+            "100 are needed: give a larger --detail, or check --scale"
         )
     points, normals = smoothed(cloud, pose.position, lambda share: progress("Cleaning points", share), tuned.points)
     if floor_tolerance is not None:

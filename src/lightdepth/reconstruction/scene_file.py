@@ -31,7 +31,7 @@ def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
+        raise InputError(f"{folder}: cannot be created ({error.strerror})") from error
     for surface in surfaces:
         mesh = trimesh.Trimesh(surface.mesh.vertices, surface.mesh.faces, process=False)
         with whole_file(mesh_path(surface, folder)) as temporary:

@@ -75,7 +75,7 @@ def find_ball(
     if best is None or _edge_share(tones, best[1], tuned) < tuned.outline_least_share:
         raise InputError(
             f"{name}: no mirror ball was found: no circle in it has an edge almost all around; the ball must lie "
-            "within the frame, before what differs from it, or state its circle as --circle x,y,r in pixels"
+            "within the frame, in front of a background that differs from it; or state its circle as --circle x,y,r"
         )
     view = _fitted(tones, best[1], optics, name, tuned.find_fine, tuned)
     view = sharpened(radiance, view, reflectance, tuned)
