@@ -266,7 +266,10 @@ class Rendering:
         return Origin(scene, view, self._method, self._seed, size, samples, version, path, camera, draft)
 
     def sums(self) -> PixelSums:
-        """The sums so far of this share's pixels, and of its paths from the light for all pixels."""
+        """The sums so far of this share's pixels, and of its paths from the light for all pixels.
+
+        Where a region alone was sampled, they are of this region.
+        """
         named, light_count = self._all_sums()
         named = {name: values.copy() for name, values in named.items()}
         taken, mine = self._accumulator.taken.copy(), self.share.owns(np.arange(len(self.pixels)))
@@ -276,7 +279,7 @@ class Rendering:
         samples = 0 if self._round is None else self._round.target.samples
         share = self.share
         named |= {"pixels": self.pixels.copy(), "taken": taken}
-        return PixelSums(
+        sums = PixelSums(
             self.origin(samples),
             (share.index,),
             share.count,
@@ -284,7 +287,14 @@ class Rendering:
             light_count=light_count,
             light_list_error=self.errors.light_list(),
             cache_error=self.errors.shared.cache,
+            regions=(),
         )
+        region = None if self._round is None else self._round.target.region
+        if region is not None:
+            part = sums.within(region)
+            if part.taken.sum(dtype=np.int64) == taken.sum(dtype=np.int64):
+                return part
+        return sums
 
     def adopt(self, sums: PixelSums) -> None:
         """Put sums in place of what there is, merged ones for example.
