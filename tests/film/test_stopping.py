@@ -246,7 +246,7 @@ def test_sums_of_regions_are_parts_that_can_be_saved_and_merged_again(scene, tmp
         merge([sums[1], sums[1]])
     with pytest.raises(InputError, match=r"it has other regions \(20,0,48,10 and 0,0,20,32\)"):
         merge([parts[0], parts[4]])
-    with pytest.raises(InputError, match=r"holds other parts \(1/2\) than part 1 \(1/2, 2/2\)"):
+    with pytest.raises(InputError, match=r"holds other shares \(1/2\) than part 1 \(1/2, 2/2\)"):
         merge([merge(sums).within(regions[0]), parts[1]])
     with pytest.raises(InputError, match="another number of paths from the light"):
         merge([parts[0], replace(parts[1], light_count=1)])
