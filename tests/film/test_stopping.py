@@ -204,14 +204,14 @@ def test_shares_merged_are_the_picture_of_one_process(scene, tmp_path, metal):
 
 def test_parts_that_do_not_belong_together_are_refused(scene):
     one = part(scene, Share(0, 2), 8)
-    with pytest.raises(InputError, match=r"holds the part 1/2, which is in part 1 as well"):
+    with pytest.raises(InputError, match=r"holds share 1/2, which is in part 1 as well"):
         merge([one, one])
     with pytest.raises(InputError, match=r"another samples \(4 and 8\)|another samples \(8 and 4\)"):
         merge([one, part(scene, Share(1, 2), 4)])
     with pytest.raises(InputError, match="another division"):
         merge([one, part(scene, Share(1, 3), 8)])
     assert not merge([one]).complete
-    with pytest.raises(InputError, match="depends on all shares"):
+    with pytest.raises(InputError, match="depend on all shares"):
         begin_rendering(scene, "view", share=Share(0, 2)).run(8, 0.1)
 
 

@@ -34,6 +34,7 @@ from lightdepth.session.displays import MemoryDisplay  # noqa: E402
 from lightdepth.session.events import SCHEMA, Progress  # noqa: E402
 from lightdepth.session.session import Job  # noqa: E402
 from tests.cli.room_folder import edit, make_room, write_panorama  # noqa: E402
+from tests.support.picture_file import undocumented  # noqa: E402
 
 WIDTH, HEIGHT = 32, 16
 
@@ -150,6 +151,7 @@ def rendered(frames, camera, folder, **more):
     rendering = SequenceRendering(frames, wanted, "cpu", lambda event: None)
     assert rendering.run(lambda: False)
     assert rendering.states() == {2: State.CURRENT}
+    assert undocumented(files.file(2)) == set()
     return read_frame(files.file(2))
 
 

@@ -144,7 +144,7 @@ class Rendering:
         target = Target(samples, noise, region)
         if noise is not None and self.share.count > 1:
             raise InputError(
-                f"share {self.share}: how many samples a wanted noise takes depends on all shares; give samples alone"
+                f"share {self.share}: the samples that `noise` takes depend on all shares; give samples alone"
             )
         return self._run(target)
 
@@ -317,7 +317,7 @@ class Rendering:
 
     def _must_be_this(self, difference: str | None) -> None:
         if difference is not None:
-            raise InputError(f"what was computed before is of another picture: it is of {difference}")
+            raise InputError(f"the samples so far are of another picture: {difference}")
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """All that this rendering's future depends on: plain values, and arrays by name. See :meth:`restore`.
@@ -393,7 +393,7 @@ class Rendering:
         if self.errors.shared.spent:
             facts |= {
                 "light_list_error": f"{self.errors.light_list():.5f}",
-                "cache_error": f"{self.errors.shared.cache:.5f}",
+                "radiance_cache_error": f"{self.errors.shared.cache:.5f}",
             }
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)

@@ -48,7 +48,7 @@ class Share:
 
     def __post_init__(self) -> None:
         if not 0 <= self.index < self.count:
-            raise InputError(f"share {self.index + 1}/{self.count}: the first number is from 1 to the second one")
+            raise InputError(f"share {self.index + 1}/{self.count}: the first number must be from 1 to the second")
 
     @classmethod
     def parse(cls, text: str) -> Share:
@@ -236,17 +236,17 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
     """
     called = list(names) if names is not None else [f"part {i + 1}" for i in range(len(parts))]
     if not parts:
-        raise InputError("there are no parts to merge")
+        raise InputError("no parts to merge were given")
     owner: dict[int, str] = {}
     for part, name in zip(parts, called, strict=True):
         different = parts[0].origin.difference(part.origin)
         if different is None and part.of != parts[0].of:
-            different = f"another division ({part.of} and {parts[0].of} parts)"
+            different = f"another division ({part.of} and {parts[0].of} shares)"
         if different is not None:
-            raise InputError(f"{name}: does not belong to {called[0]}: it is of {different}")
+            raise InputError(f"{name}: does not belong to {called[0]}: it has {different}")
         for share in part.shares:
             if share in owner:
-                raise InputError(f"{name}: holds the part {share + 1}/{part.of}, which is in {owner[share]} as well")
+                raise InputError(f"{name}: holds share {share + 1}/{part.of}, which is in {owner[share]} as well")
             owner[share] = name
     pixels = np.unique(np.concatenate([part.pixels for part in parts])).astype(np.uint32)
     total: dict[str, NDArray] = {

@@ -194,7 +194,7 @@ def _together(
     worst = int(np.argmax(np.maximum(off, 1.0 / np.maximum(off, 1e-30))))
     if not 1.0 / view.tuned.clipped_contradiction <= off[worst] <= view.tuned.clipped_contradiction:
         raise InputError(
-            f"--grey: the clicks contradict each other: with the lamps that fit all of them best, number {worst + 1} would "
+            f"--grey: the clicks contradict each other: with the lamps that fit all of them best, click {worst + 1} would "
             f"have {off[worst]:.3g} times the albedo that is given"
         )
     results = []
@@ -341,8 +341,8 @@ def _check_agreement(option: str, irradiance: FloatArray, now: FloatArray, tuned
     if total[most] <= tuned.clipped_contradiction * max(total[least], 1e-30):
         return
     raise InputError(
-        f"{option}: the clicks contradict each other: by number {least + 1} the source sends "
-        f"{total[least] / now.sum():.3g} times its clipped light, by number {most + 1} {total[most] / now.sum():.3g} times"
+        f"{option}: the clicks contradict each other: by click {least + 1} the source sends "
+        f"{total[least] / now.sum():.3g} times its clipped light, by click {most + 1} {total[most] / now.sum():.3g} times"
     )
 
 
