@@ -64,6 +64,8 @@ def frame(scene, samples=16):
 
 
 def other_value(value):
+    if isinstance(value, tuple):
+        return tuple(map(other_value, value))
     return 2 * value if isinstance(value, int) else 0.9 * value
 
 
