@@ -144,10 +144,10 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
     if share < MUCH_UNSEEN and distance < FAR * usual:
         return None
     nearest = "nearest capture point" if len(captures) > 1 else "capture point"
+    hidden = f"{100.0 * share:.0f} % of what it sees is occluded from there and has a colour from elsewhere, and "
     return (
-        f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of what "
-        "it sees is occluded from there and has a colour from elsewhere, and errors of the model show. Stay nearer, or "
-        "model finer"
+        f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; "
+        f"{hidden if share >= 0.005 else ''}errors of the model show. Stay nearer, or model finer"
     )
 
 
