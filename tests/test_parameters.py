@@ -68,7 +68,7 @@ def frame(scene, samples=16):
 def other_value(value):
     if isinstance(value, tuple):
         return tuple(map(other_value, value))
-    return 2 * value if isinstance(value, int) else 0.9 * value
+    return 2 * value if isinstance(value, int) else 0.95 * value
 
 
 def test_every_parameter_is_part_of_what_a_picture_is_made_from(scene):

@@ -202,7 +202,7 @@ def _check_place(scene: Scene, tuned: ChecksParameters, unread: int) -> _Checked
     radiance = tuple(
         problem
         for panorama in scene.panoramas
-        for problem in radiance_problems(panorama, panorama_table(scene, panorama))
+        for problem in radiance_problems(panorama, panorama_table(scene, panorama), tuned)
     )
     if not scene.real and all(panorama.depth is None for panorama in scene.panoramas):
         return _CheckedPlace((), None, None, (), radiance, ())

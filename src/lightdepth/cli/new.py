@@ -54,6 +54,7 @@ def new(
     from lightdepth.images.panorama_file import read_panorama
     from lightdepth.images.validation import find_defects, validate_panorama
     from lightdepth.images.writing import check_writable
+    from lightdepth.parameters.quickstart import DEFAULT
     from lightdepth.quickstart.objects import default_objects, read_objects
     from lightdepth.quickstart.place import guess_place
     from lightdepth.quickstart.pose import guess_pose
@@ -74,9 +75,9 @@ def new(
     pose = guess_pose(replace(image, radiance=radiance), camera_height)
     guessed = guess_place(radiance, pose, None if place == "auto" else place)
     room = float((guessed.high - guessed.low).min())
-    things = read_objects(objects, 0.6 * room) if objects else default_objects()
+    things = read_objects(objects, DEFAULT.room_share * room) if objects else default_objects()
     group, deepest = group_width(things), max(float(thing.size[:2].max()) for thing in things)
-    distance = pose.height * min(0.8 + group, 1.7) + 0.5 * group
+    distance = pose.height * min(DEFAULT.shortest_view + group, DEFAULT.longest_view) + 0.5 * group
     spot = find_floor_spot(radiance, pose, guessed, 0.5 * group, 0.5 * deepest, distance)
     write_first_scene(scene, panorama, pose, guessed, things, spot, radiance)
     spoilt = [defect for defect in find_defects(image.radiance) if not defect.negligible]

@@ -20,6 +20,9 @@ class ChecksParameters:
         surface_points: on each real surface, at which it is looked whether a capture point sees it.
         seen_depth: relative difference of distances up to which a point lies on the surface that is seen,
         seen_distance: and metres that are added to it.
+        plateau_level: share of the panorama's largest radiance from which on pixels have the same value: clipped lights do.
+        plateau_pixels: of such a plateau, at least: a small lamp may be flat by itself,
+        plateau_share: and share of the sphere: about four sun disks.
         smallest_hole: share of all directions, two degrees by two. What is connected and smaller is a seam between meshes,
             not a hole, and not worth a word where all of it together is smaller.
         unseen_support: share of a support's area that no capture point sees, from which on it is reported.
@@ -74,6 +77,9 @@ class ChecksParameters:
     surface_points: Count = 4000
     seen_depth: Share = 0.005
     seen_distance: NotNegative = 1e-3
+    plateau_level: Share = 0.995
+    plateau_pixels: Count = 16
+    plateau_share: Share = 2e-5
     smallest_hole: Share = 1e-4
     unseen_support: Share = 0.001
     much_unseen_support: Share = 0.5
