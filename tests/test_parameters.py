@@ -22,6 +22,7 @@ from lightdepth.lighting.panorama_view import PanoramaView  # noqa: E402
 from lightdepth.parameters import (  # noqa: E402
     CalibrationParameters,
     CaptureParameters,
+    ChecksParameters,
     FilmParameters,
     LightingParameters,
     MirrorBallParameters,
@@ -46,6 +47,7 @@ ARGUMENTS = {
     "calibration": CalibrationParameters(),
     **{f"reconstruction.{each.name}": each.default for each in fields(ReconstructionParameters)},
     "quickstart": QuickstartParameters(),
+    "checks": ChecksParameters(),
 }
 NAMES = [(each.name, name.name) for each in fields(Parameters) for name in fields(getattr(Parameters(), each.name))]
 
@@ -146,6 +148,9 @@ def test_light_is_recovered_with_the_scene_s_parameters(scene):
         (RecoveryParameters, {"unseen_share": -0.1}),
         (LightingParameters, {"search_darkest": 0.5}),
         (QuickstartParameters, {"smallest_fov": 90.0}),
+        (LightingParameters, {"sun_good_error": 0.2}),
+        (LightingParameters, {"edge_reaches": ()}),
+        (ChecksParameters, {"sun_near": 5.0}),
         (CaptureParameters, {"black": 0.99}),
         (MirrorBallParameters, {"rim_starts": (4, 1)}),
         (CalibrationParameters, {"view_fovs": (40.0, 180.0)}),

@@ -4,7 +4,7 @@ They are part of a scene's settings (``[render.parameters]`` in its file), and s
 checkpoints, frames and cached places of different parameters are never taken for each other. Those of what comes before
 the scene file are arguments of the functions that they belong to, and no part of the scene: ``CaptureParameters``,
 ``MirrorBallParameters``, ``CalibrationParameters``, ``ReconstructionParameters``, and ``QuickstartParameters``, by which
-a first scene is guessed.
+a first scene is guessed; and ``ChecksParameters``, by which a scene is checked.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pydantic.dataclasses import dataclass
 from lightdepth.parameters.balance import BalanceParameters
 from lightdepth.parameters.calibration import CalibrationParameters
 from lightdepth.parameters.capture import CaptureParameters
+from lightdepth.parameters.checks import ChecksParameters
 from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
@@ -31,6 +32,7 @@ __all__ = [
     "BalanceParameters",
     "CalibrationParameters",
     "CaptureParameters",
+    "ChecksParameters",
     "DenoisingParameters",
     "FilmParameters",
     "LightingParameters",
