@@ -24,7 +24,7 @@ STARTS = 300
 KEPT = 8
 """Of them, that are refined."""
 WEIGHINGS = 2
-"""Times that the best is refined again, with the points weighed as from its position."""
+"""Times that the best is refined again, with the points weighted as from its position."""
 CONTRADICTION = 8.0
 """Click errors of the residual beyond which the points contradict each other."""
 BEHIND = 10.0
@@ -220,7 +220,7 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
         return np.asarray((Rotation.from_rotvec(vector[:3]) * start).as_matrix()), vector[3:]
 
     def fitted(rotation: Rotation, position: FloatArray) -> tuple[float, Rotation, FloatArray, FloatArray]:
-        """Cost, rotation, position and Jacobian near a start; points are weighed as from there."""
+        """Cost, rotation, position and Jacobian near a start; points are weighted as from there."""
         whiten = _whitening(points, position)
 
         def errors(vector: FloatArray) -> FloatArray:
