@@ -137,13 +137,13 @@ def camera_table(item, scene, eye: Eye | None = None, posed: bool = False) -> tu
         posed: say the pose also where it is the scene file's default.
 
     Returns:
-        The table, and notes on what of the camera cannot be carried.
+        The table, and notes on what of the camera is not supported.
 
     Raises:
         CameraError: the picture could not be what Blender shows.
     """
     if item.type != "CAMERA":
-        raise CameraError(f"Camera '{item.name}': it is no camera object")
+        raise CameraError(f"Camera '{item.name}': it is not a camera")
     camera, (width, height) = item.data, resolution(scene)
     _check_pixels(item.name, scene)
     eye = eye or Eye(item.matrix_world, camera.shift_x)
@@ -232,7 +232,7 @@ def _perspective(item, width, height, shift_x):
         table["distortion"] = list(camera.lightdepth.distortion)
     notes = []
     if camera.dof.use_dof and (camera.dof.aperture_blades or camera.dof.aperture_ratio != 1.0):
-        notes.append(f"Camera '{item.name}': the aperture is round; its blades and ratio are not carried")
+        notes.append(f"Camera '{item.name}': its aperture is round; blades and ratio are not supported")
     return table | depth_of_field(item), notes
 
 

@@ -35,7 +35,7 @@ def clipped_table(name: str, item, to_world: Matrix, settings) -> tuple[dict[str
         settings: of the scene.
 
     Returns:
-        The table, ``None`` where the lamp gives no light or has no size, and notes on what cannot be carried.
+        The table, ``None`` where the lamp gives no light or has no size, and notes on what is not supported.
     """
     power, notes = lights.strength(name, item.data)
     if max(power) <= 0.0:

@@ -176,7 +176,7 @@ class LightdepthEngine(bpy.types.RenderEngine):
             if not stop.asked:  # one that was stopped before it could render has nothing to tell
                 raise
         if not stop.asked and not shown:
-            raise RendererError("The renderer ended without a picture and without saying why")
+            raise RendererError("The renderer exited without a picture or an error message")
 
     def _show(self, picture: Path, view: "_View") -> None:
         """Put the file's parts into Blender's passes."""

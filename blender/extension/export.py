@@ -89,7 +89,7 @@ class Exported:
     Attributes:
         path: the scene file.
         camera: name of the active camera in it, or ``None`` where there is none.
-        notes: what could not be carried, one sentence each.
+        notes: what is not supported, one sentence each.
         objects: the file's synthetic objects, in its order.
         frame: number of the frame with motion blur; ``None`` where there is none.
         document: the file's tables.
@@ -209,7 +209,7 @@ class _Writer:
             else:
                 self._add_synthetic(item, to_world, by_instancing, instance, together)
         elif item.type not in WITHOUT_LOOK | WITH_SURFACE and not by_instancing:
-            self.note(f"Object '{item.name}': {item.type.replace('_', ' ').lower()} objects are not carried")
+            self.note(f"Object '{item.name}': {item.type.replace('_', ' ').lower()} objects are not supported")
 
     def _add_lamp(self, item, to_world: Matrix) -> None:
         name = self.unique(item.name)
@@ -228,26 +228,26 @@ class _Writer:
     def _note_light_linking(self, item) -> None:
         linking = getattr(item, "light_linking", None)
         if linking is not None and (linking.receiver_collection or linking.blocker_collection):
-            self.note(f"Object '{item.name}': its light and shadow linking are not carried")
+            self.note(f"Object '{item.name}': its light and shadow linking are not supported")
 
     def _note_settings(self, item) -> None:
         if any(
             system.settings.type == "HAIR" and system.settings.render_type == "PATH" for system in item.particle_systems
         ):
-            self.note(f"Object '{item.name}': its hair is not carried")
+            self.note(f"Object '{item.name}': its hair is not supported")
         if item.lightdepth.role in roles.REAL:
             return
         unseen = [what for name, what in _RAYS.items() if not getattr(item, name)]
         if unseen:
-            self.note(f"Object '{item.name}': its ray visibility is not carried; {', '.join(unseen)} rays meet it")
+            self.note(f"Object '{item.name}': its ray visibility is not supported; {', '.join(unseen)} rays meet it")
         if item.is_shadow_catcher:
-            self.note(f"Object '{item.name}': is no shadow catcher here; give real surfaces the role support")
+            self.note(f"Object '{item.name}': is not a shadow catcher here; give real surfaces the role support")
         original, layer = item.original, self.depsgraph.view_layer
         if original.name in self.in_layer:
             if original.holdout_get(view_layer=layer):
-                self.note(f"Object '{item.name}': holdout is not carried; it is rendered as it looks")
+                self.note(f"Object '{item.name}': holdout is not supported; it is rendered as it looks")
             if original.indirect_only_get(view_layer=layer):
-                self.note(f"Object '{item.name}': indirect only is not carried; the camera sees it")
+                self.note(f"Object '{item.name}': indirect only is not supported; the camera sees it")
 
     def _add_real(self, item, to_world) -> None:
         mesh = item.to_mesh()
@@ -306,7 +306,7 @@ class _Writer:
             look.shapes, alike = self.motion.deformed(instance, triangles)
             if not alike:
                 self.note(
-                    f"Object '{item.name}': its mesh gets other faces while the shutter is open; only its motion is blurred"
+                    f"Object '{item.name}': its mesh changes faces while the shutter is open; only its motion is blurred"
                 )
         return look
 
@@ -390,7 +390,7 @@ class _Writer:
     def _note_outside(self, group: Group, outside: np.ndarray) -> None:
         if outside.any():
             count = f"{outside.sum()} of its instances are" if outside.sum() < len(outside) else "is"
-            self.note(f"Object '{group.source.name}': {count} outside the place and left out")
+            self.note(f"Object '{group.source.name}': {count} outside the place are left out")
 
     def _note_clipping(self, group: Group, places: np.ndarray, nearest: np.ndarray) -> None:
         """Cameras of Blender see nothing nearer or farther than their clipping says."""
@@ -530,7 +530,7 @@ def _camera_tables(
     posed: bool = False,
     with_active: bool = True,
 ) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """All cameras that can be carried, or the active one, which must be, and the one with the plate; and notes."""
+    """All cameras that are supported, or the active one, which must be, and the one with the plate; and notes."""
     tables, notes = {}, []
     scene = depsgraph.scene_eval
     plates = photographs.plate_camera(scene)
@@ -568,7 +568,7 @@ def scene_lights(depsgraph, folder: Path, origin: np.ndarray) -> tuple[list[dict
         origin: of the scene file in Blender's world, shape (3,).
 
     Returns:
-        The tables, and notes on what cannot be carried.
+        The tables, and notes on what is not supported.
     """
     found = _RealLights(folder, origin, depsgraph.scene_eval.lightdepth)
     for item, to_world, _, _ in instances(depsgraph, numbered=False):
@@ -586,7 +586,7 @@ class _RealLights:
         origin: of the scene file in Blender's world, shape (3,).
         settings: of the scene.
         tables: one for each light.
-        notes: what of them cannot be carried.
+        notes: what of them is not supported.
     """
 
     folder: Path
@@ -636,13 +636,13 @@ def export_scene(
         depsgraph: the evaluated scene.
         path: the scene file to write.
         folder: where meshes and images go; by default beside the scene file.
-        every_camera: write all cameras that can be carried, not the active one alone.
+        every_camera: write all supported cameras, not the active one alone.
         eye_of: of the active camera, where it is one of several.
         set_frame: evaluates the scene at another time, for motion blur; ``None`` writes it as it stands.
         with_cameras: write cameras other than that of the plate.
 
     Raises:
-        ExportError: there is no panorama, no real surface, or the active camera cannot be carried.
+        ExportError: there is no panorama, no real surface, or the active camera is not supported.
         OSError: a file cannot be written.
     """
     scene = depsgraph.scene_eval
@@ -737,7 +737,7 @@ class ExportScene(bpy.types.Operator, ExportHelper):
     filter_glob: bpy.props.StringProperty(default="*.toml", options={"HIDDEN"})
 
     def execute(self, context):
-        """Export, say what could not be carried, and tell the command."""
+        """Export, say what is not supported, and tell the command."""
         settings = context.scene.lightdepth
         path = Path(bpy.path.abspath(self.filepath))
         try:

@@ -25,7 +25,7 @@ class Writer:
         seconds: times at which the vertices' positions are given, if they move.
 
     Attributes:
-        notes: what could not be carried.
+        notes: what is not supported.
         materials: names of those that were added, in the order of the file's parts.
     """
 
@@ -77,7 +77,7 @@ class Writer:
             if uv is None:
                 known = f"the UV map '{lay.name}'" if lay.name else "a UV map"
                 self.notes.append(
-                    f"Material '{name}': a mesh that wears it lacks {known}; its images show their corner"
+                    f"Material '{name}': a mesh that has it lacks {known}; it gets the colour of its images' corner"
                 )
                 uv = np.zeros((len(which), 3, 2))
             uv = (uv.reshape(-1, 2) * (1.0, -1.0) + (0.0, 1.0)).astype(np.float32)
@@ -168,7 +168,7 @@ class Writer:
         for what, lay in laid.items():
             if not _same_coordinates(first, lay):
                 self.notes.append(
-                    f"Material '{name}': its images lie by different coordinates; that of its {what} lies as the first does"
+                    f"Material '{name}': its images use several texture coordinates; its {what} uses those of the first"
                 )
         return first
 
@@ -182,7 +182,9 @@ class Writer:
             image = _stacked(base_part, alpha)
             picture = base if base.is_image else opacity
             if base.is_image and opacity.is_image and base.lay != opacity.lay:
-                self.notes.append(f"Material '{name}': its opacity lies as its base colour does")
+                self.notes.append(
+                    f"Material '{name}': its opacity image uses the texture coordinates of its base colour"
+                )
             codes = np.concatenate([encoded(image[..., :3]), image[..., 3:]], axis=-1)
             body["baseColorTexture"] = self._texture(
                 self._images.png(codes if not opaque else codes[..., :3]), picture.lay
@@ -215,7 +217,7 @@ class Writer:
             return
         picture = roughness if roughness.is_image else metallic
         if metallic.is_image and roughness.is_image and metallic.lay != roughness.lay:
-            self.notes.append(f"Material '{name}': its metallic lies as its roughness does")
+            self.notes.append(f"Material '{name}': its metallic image uses the texture coordinates of its roughness")
         both = _stacked(roughness.numbers, metallic.numbers)
         image = np.concatenate([np.zeros_like(both[..., :1]), both], axis=-1)
         body["metallicRoughnessTexture"] = self._texture(self._images.png(image), picture.lay)

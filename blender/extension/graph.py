@@ -1,7 +1,7 @@
 """What a socket of a shader node tree amounts to: a constant, or an image laid by one set of coordinates.
 
 Constants are folded and whatever is done to one image is done to its pixels; what varies in another way cannot be
-carried and is reported by name. Formulas are those of Cycles' nodes (Blender's manual, "Shader Nodes").
+exported and is reported by name. Formulas are those of Cycles' nodes (Blender's manual, "Shader Nodes").
 """
 
 from collections.abc import Callable
@@ -16,8 +16,8 @@ from .images import LUMINANCE, MISSING, ImageError, pixels, to_rec709
 ATTRIBUTE_COLOUR, UV, GENERATED, OBJECT = "COLOUR", "UV", "GENERATED", "OBJECT"
 
 
-class NotCarriedError(Exception):
-    """A sentence's end that says what cannot be carried, as in "node 'Noise' (Noise Texture) is not carried"."""
+class UnsupportedError(Exception):
+    """A sentence's end that says what is not supported, as in "node 'Noise' (Noise Texture) is not supported"."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _step(place: Place) -> Place:
             socket, groups = counterpart, groups[:-1]
         else:
             return Place(socket, groups)
-    raise NotCarriedError("a loop of nodes is not carried")
+    raise UnsupportedError("a loop of nodes is not supported")
 
 
 def _same(sockets, identifier):
@@ -151,7 +151,7 @@ def value_of(socket, groups: tuple = ()) -> Value:
     """What an input socket amounts to, linear Rec.709 where it is a colour.
 
     Raises:
-        NotCarriedError: it varies in a way that cannot be carried.
+        UnsupportedError: it varies in a way that is not supported.
     """
     place = Place(socket, groups)
     source = origin(place)
@@ -160,7 +160,7 @@ def value_of(socket, groups: tuple = ()) -> Value:
     node = source.socket.node
     make = NODES.get(node.type)
     if make is None:
-        raise NotCarriedError(f"{describe(node)} is not carried")
+        raise UnsupportedError(f"{describe(node)} is not supported")
     value = make(node, source.socket, source.groups)
     return value.as_number() if socket.type == "VALUE" else value
 
@@ -185,14 +185,14 @@ def combined(function: Callable[..., np.ndarray], *values: Value) -> Value:
     """Apply a function of arrays to values, texel by texel.
 
     Raises:
-        NotCarriedError: the values are images that are laid in different ways.
+        UnsupportedError: the values are images that are mapped in different ways.
     """
     if any(value.attribute is not None for value in values):
-        raise NotCarriedError("a colour attribute that is not only multiplied is not carried")
+        raise UnsupportedError("a colour attribute that is not only multiplied is not supported")
     pictures = [value for value in values if value.is_image]
     lays = {value.lay for value in pictures}
     if len(lays) > 1:
-        raise NotCarriedError("a mixture of images that are laid in different ways is not carried")
+        raise UnsupportedError("a mixture of images that are mapped in different ways is not supported")
     arrays = [value.numbers for value in values]
     if pictures:
         height, width = (max(value.numbers.shape[axis] for value in pictures) for axis in (0, 1))
@@ -217,7 +217,7 @@ def _image(node, socket, groups) -> Value:
     lay = lay_of(node, groups)
     if node.image is not None and node.image.source in {"SEQUENCE", "MOVIE", "TILED"}:
         kind = {"SEQUENCE": "a sequence", "MOVIE": "a movie", "TILED": "a set of tiles"}[node.image.source]
-        raise NotCarriedError(f"image '{node.image.name}' of {describe(node)} is {kind}, which is not carried")
+        raise UnsupportedError(f"image '{node.image.name}' of {describe(node)} is {kind}, which is not supported")
     try:
         found = _cached(node.image, _uses_alpha(node))
     except ImageError:
@@ -281,10 +281,10 @@ def lay_of(node, groups) -> Lay:
     """How an image texture node lays its image.
 
     Raises:
-        NotCarriedError: by coordinates that a mesh file has no place for.
+        UnsupportedError: by coordinates that a mesh file has no place for.
     """
     if node.projection not in {"FLAT", "BOX"}:
-        raise NotCarriedError(f"the {node.projection.lower()} projection of {describe(node)} is not carried")
+        raise UnsupportedError(f"the {node.projection.lower()} projection of {describe(node)} is not supported")
     place = Place(node.inputs["Vector"], groups)
     unlinked = Lay(GENERATED if node.projection == "BOX" else UV)
     lay = unlinked if origin(place) is None else _coordinates(place)
@@ -301,7 +301,7 @@ def _coordinates(place: Place) -> Lay:
     if node.type == "TEX_COORD":
         kind = source.socket.identifier
         if kind not in {"UV", "Generated", "Object"} or (kind == "Object" and node.object is not None):
-            raise NotCarriedError(f"output '{source.socket.name}' of {describe(node)} is not carried")
+            raise UnsupportedError(f"output '{source.socket.name}' of {describe(node)} is not supported")
         return Lay(kind.upper())
     if node.type == "UVMAP":
         return Lay(UV, node.uv_map)
@@ -314,10 +314,10 @@ def _coordinates(place: Place) -> Lay:
     if node.type == "MAPPING":
         inner = Place(node.inputs["Vector"], groups)
         if origin(inner) is None:
-            raise NotCarriedError(f"{describe(node)} without coordinates is not carried")
+            raise UnsupportedError(f"{describe(node)} without coordinates is not supported")
         lay = _coordinates(inner)
         return replace(lay, matrix=_rows(_mapping(node, groups) @ Matrix(lay.matrix)))
-    raise NotCarriedError(f"{describe(node)} for the coordinates of an image is not carried")
+    raise UnsupportedError(f"{describe(node)} for the coordinates of an image is not supported")
 
 
 def _mapping(node, groups) -> Matrix:
@@ -327,7 +327,7 @@ def _mapping(node, groups) -> Matrix:
             return Vector(default)
         found = value_of(socket, groups)
         if found.is_image:
-            raise NotCarriedError(f"{describe(node)} with an image as its {name.lower()} is not carried")
+            raise UnsupportedError(f"{describe(node)} with an image as its {name.lower()} is not supported")
         return Vector(found.as_colour().numbers)
 
     turn = Euler(vector("Rotation", (0, 0, 0)), "XYZ").to_matrix().to_4x4()
@@ -339,7 +339,7 @@ def _mapping(node, groups) -> Matrix:
         return turn @ scale
     if node.vector_type == "TEXTURE" and 0.0 not in scale.to_scale():
         return (move @ turn @ scale).inverted()
-    raise NotCarriedError(f"{describe(node)} of the kind {node.vector_type.lower()} is not carried")
+    raise UnsupportedError(f"{describe(node)} of the kind {node.vector_type.lower()} is not supported")
 
 
 def _rows(matrix: Matrix) -> tuple[tuple[float, ...], ...]:
@@ -353,7 +353,7 @@ def _value(node, socket, groups) -> Value:
 def _vertex_colour(node, socket, groups) -> Value:
     name = node.layer_name if node.type == "VERTEX_COLOR" else node.attribute_name
     if socket.identifier != "Color" or getattr(node, "attribute_type", "GEOMETRY") != "GEOMETRY":
-        raise NotCarriedError(f"output '{socket.name}' of {describe(node)} is not carried")
+        raise UnsupportedError(f"output '{socket.name}' of {describe(node)} is not supported")
     return Value(np.ones(3, np.float32), attribute=name)
 
 
@@ -395,10 +395,10 @@ def _mix(node, socket, groups) -> Value:
         if node.data_type == "RGBA":
             a, b = a.as_colour(), b.as_colour()
     if blend not in BLENDS:
-        raise NotCarriedError(f"{describe(node)} with '{blend.replace('_', ' ').lower()}' is not carried")
+        raise UnsupportedError(f"{describe(node)} with '{blend.replace('_', ' ').lower()}' is not supported")
     if (a.attribute or b.attribute) and blend == "MULTIPLY" and not factor.is_image and factor.numbers[0] == 1.0:
         if a.attribute and b.attribute:
-            raise NotCarriedError(f"{describe(node)} of two colour attributes is not carried")
+            raise UnsupportedError(f"{describe(node)} of two colour attributes is not supported")
         found = combined(np.multiply, replace(a, attribute=None), replace(b, attribute=None))
         return replace(found, attribute=a.attribute or b.attribute)
     function = BLENDS[blend]
@@ -445,7 +445,7 @@ MATH: dict[str, Callable] = {
 
 def _math(node, socket, groups) -> Value:
     if node.operation not in MATH:
-        raise NotCarriedError(f"{describe(node)} with '{node.operation.replace('_', ' ').lower()}' is not carried")
+        raise UnsupportedError(f"{describe(node)} with '{node.operation.replace('_', ' ').lower()}' is not supported")
     values = [value_of(each, groups).as_number() for each in node.inputs if each.enabled]
     values += [constant(0.0)] * (3 - len(values))
     found = combined(_safe(MATH[node.operation]), *values)
@@ -461,7 +461,7 @@ def _vector_math(node, socket, groups) -> Value:
         "SCALE": np.multiply,
     }
     if node.operation not in functions:
-        raise NotCarriedError(f"{describe(node)} with '{node.operation.replace('_', ' ').lower()}' is not carried")
+        raise UnsupportedError(f"{describe(node)} with '{node.operation.replace('_', ' ').lower()}' is not supported")
     return combined(functions[node.operation], *values[:2])
 
 
@@ -471,7 +471,7 @@ def _clamp(node, socket, groups) -> Value:
 
 def _map_range(node, socket, groups) -> Value:
     if node.data_type != "FLOAT" or node.interpolation_type != "LINEAR":
-        raise NotCarriedError(f"{describe(node)} that is not linear is not carried")
+        raise UnsupportedError(f"{describe(node)} that is not linear is not supported")
 
     def mapped(value, low, high, to_low, to_high):
         with np.errstate(all="ignore"):
@@ -542,14 +542,14 @@ def _to_number(node, socket, groups) -> Value:
 
 def _separate(node, socket, groups) -> Value:
     if getattr(node, "mode", "RGB") != "RGB":
-        raise NotCarriedError(f"{describe(node)} into {node.mode} is not carried")
+        raise UnsupportedError(f"{describe(node)} into {node.mode} is not supported")
     index = list(node.outputs).index(socket)
     return combined(lambda a: a[..., index : index + 1], value_of(node.inputs[0], groups).as_colour())
 
 
 def _combine(node, socket, groups) -> Value:
     if getattr(node, "mode", "RGB") != "RGB":
-        raise NotCarriedError(f"{describe(node)} of {node.mode} is not carried")
+        raise UnsupportedError(f"{describe(node)} of {node.mode} is not supported")
     return combined(
         lambda *parts: np.concatenate(np.broadcast_arrays(*parts), axis=-1),
         *(each.as_number() for each in _inputs(node, groups)),
@@ -616,4 +616,4 @@ NODES: dict[str, Callable[[Any, Any, tuple], Value]] = {
     "VALTORGB": _ramp,
     "CURVE_RGB": _curves,
 }
-"""Nodes whose outputs can be carried, by Blender's type."""
+"""Nodes whose outputs are supported, by Blender's type."""

@@ -31,7 +31,7 @@ def emitters(name: str, light, to_world: Matrix) -> tuple[list[dict[str, Any]], 
         to_world: its matrix.
 
     Returns:
-        The tables, and notes on what of the lamp cannot be carried.
+        The tables, and notes on what of the lamp is not supported.
     """
     if getattr(
         getattr(light, "cycles", None), "is_portal", False
@@ -51,12 +51,12 @@ def strength(name: str, light) -> tuple[list[float], list[str]]:
     if not light.use_shadow:
         notes.append(f"Light '{name}': it casts shadows, though they are switched off")
     if any(getattr(light, share, 1.0) != 1.0 for share in SHARES):
-        notes.append(f"Light '{name}': its shares for diffuse, specular, transmission and volume are not carried")
+        notes.append(f"Light '{name}': its shares for diffuse, specular, transmission and volume are not supported")
     return [max(0.0, float(a * b)) for a, b in zip(_colour(light), factor, strict=True)], notes
 
 
 def _shader(name: str, light) -> tuple[np.ndarray, list[str]]:
-    """What the lamp's nodes multiply its colour by, shape (3,), and notes on what of them cannot be carried."""
+    """What the lamp's nodes multiply its colour by, shape (3,), and notes on what of them is not supported."""
     if not getattr(light, "use_nodes", True) or light.node_tree is None:
         return np.ones(3), []
     output = light.node_tree.get_output_node("CYCLES") or light.node_tree.get_output_node("ALL")
@@ -65,16 +65,16 @@ def _shader(name: str, light) -> tuple[np.ndarray, list[str]]:
         return np.zeros(3), []
     node = source.socket.node
     if node.type != "EMISSION":
-        return np.ones(3), [f"Light '{name}': {graph.describe(node)} is not carried; it shines evenly in its colour"]
+        return np.ones(3), [f"Light '{name}': {graph.describe(node)} is not supported; it shines evenly in its colour"]
     factor, notes = np.ones(3), []
     for socket in (node.inputs["Color"], node.inputs["Strength"]):
         try:
             value = graph.value_of(socket, source.groups)
-        except graph.NotCarriedError as error:
+        except graph.UnsupportedError as error:
             notes.append(f"Light '{name}': {error}; it shines evenly")
             continue
         if value.is_image:
-            notes.append(f"Light '{name}': its image is not carried; it shines evenly in the image's mean")
+            notes.append(f"Light '{name}': its image is not supported; it shines evenly with the image's mean colour")
         factor = factor * value.constant()
     return factor, notes
 
@@ -134,7 +134,7 @@ def _point(name, light, to_world, colour):
 def _area(name, light, to_world, colour):
     notes = []
     if light.spread < math.pi - 1e-3:
-        notes.append(f"Light '{name}': its spread is not carried; it shines to its whole front side")
+        notes.append(f"Light '{name}': its spread is not supported; it shines to its whole front side")
     scale = to_world.to_scale()
     width = light.size * scale.x
     depth = (light.size_y if light.shape in {"RECTANGLE", "ELLIPSE"} else light.size) * scale.y
@@ -166,7 +166,7 @@ def _spot(name, light, to_world, colour):
     radius, notes = _radius(name, light)
     notes.append(f"Light '{name}': a spot is a disk in a black tube, which casts shadows")
     if light.use_square:
-        notes.append(f"Light '{name}': a spot is round; its square shape is not carried")
+        notes.append(f"Light '{name}': a spot is round; its square shape is not supported")
     half = 0.5 * light.spot_size
     if half >= math.radians(80.0):
         notes.append(f"Light '{name}': a spot so wide is a disk that shines to its whole front side")

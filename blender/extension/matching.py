@@ -49,7 +49,7 @@ class _OnPictures(picking.Clicks):
     def invoke(self, context, event):
         """Begin, if there is such a picture."""
         if owner_of(context.scene, self.index) is None:
-            self.report({"ERROR"}, "There is no such picture: load it first")
+            self.report({"ERROR"}, "This picture does not exist: load it first")
             return {"CANCELLED"}
         self._scene, self._space = context.scene, context.space_data
         self._space.image = self.asked(0)
@@ -189,14 +189,14 @@ class RelatePanorama(_Solves, bpy.types.Operator):
 
     index: bpy.props.IntProperty(min=0)
     by_features: bpy.props.BoolProperty(
-        name="By Features", description="Let the renderer find shared points; otherwise the clicked ones count"
+        name="By Features", description="Let the renderer find shared points, instead of the clicked ones"
     )
 
     def arguments(self, context, folder: Path):
         """Those of ``lightdepth calibrate second``."""
         found = owner_of(context.scene, self.index)
         if found is None:
-            raise ExportError("There is no such panorama")
+            raise ExportError("This panorama does not exist")
         entry, image = found
         if not self.by_features and not len(entry.points):
             raise ExportError("No point was clicked: click four or more that both panoramas show, or use features")

@@ -6,8 +6,8 @@ import bpy
 import numpy as np
 
 from .graph import (
-    NotCarriedError,
     Place,
+    UnsupportedError,
     Value,
     combined,
     constant,
@@ -44,7 +44,7 @@ class Surface:
         normal: a tangent-space normal map as its file holds it, or ``None``.
         normal_strength: factor on the normal map.
         visible: false where light passes as if nothing were there.
-        notes: what of the nodes cannot be carried, one end of a sentence each.
+        notes: what of the nodes is not supported, one end of a sentence each.
     """
 
     base: Value = field(default_factory=lambda: constant(*[WITHOUT_MATERIAL] * 3))
@@ -74,7 +74,7 @@ def surface_of(material: bpy.types.Material | None) -> tuple[Surface, list[str]]
         material: evaluated, or ``None`` for a slot without one.
 
     Returns:
-        The surface, and sentences on what cannot be carried, with the material's name.
+        The surface, and sentences on what is not supported, with the material's name.
     """
     if material is None:
         return Surface(roughness=constant(0.5), level=0.5), []
@@ -89,13 +89,13 @@ def surface_of(material: bpy.types.Material | None) -> tuple[Surface, list[str]]
         surface = BLACK
         if origin(Place(output.inputs["Volume"])) is not None:
             surface = INVISIBLE
-            said.append("its volume is not carried; it has no surface and is left out")
+            said.append("its volume is not supported; it has no surface and is left out")
     else:
         surface = _shader(Place(output.inputs["Surface"]))
         if origin(Place(output.inputs["Volume"])) is not None:
-            said.append("volume is not carried")
+            said.append("volume is not supported")
     if origin(Place(output.inputs["Displacement"])) is not None:
-        said.append("displacement is not carried")
+        said.append("displacement is not supported")
     said += surface.notes
     return surface, [f"Material '{material.name}': {sentence}" for sentence in dict.fromkeys(said)]
 
@@ -106,7 +106,7 @@ def _uses_nodes(material) -> bool:
 
 
 class _Inputs:
-    """The inputs of a shader node, and what could not be carried of them."""
+    """The inputs of a shader node, and what is not supported of them."""
 
     def __init__(self, node, groups):
         self._node, self._groups = node, groups
@@ -116,11 +116,11 @@ class _Inputs:
         return name in self._node.inputs
 
     def value(self, name: str) -> Value:
-        """An input, or its own unlinked value where it cannot be carried."""
+        """An input, or its own unlinked value where it is not supported."""
         socket = self._node.inputs[name]
         try:
             return value_of(socket, self._groups)
-        except NotCarriedError as error:
+        except UnsupportedError as error:
             value = own_value(Place(socket, self._groups)) if not socket.is_linked else _default(socket)
             shown = ", ".join(f"{number:.3g}" for number in value.numbers)
             self.notes.append(f"{error}; '{name}' is {shown} instead")
@@ -146,7 +146,7 @@ class _Inputs:
         """The fields of a surface for the normals of a shader."""
         try:
             value, strength = self._normals(Place(self._node.inputs["Normal"], self._groups))
-        except NotCarriedError as error:
+        except UnsupportedError as error:
             self.notes.append(str(error))
             return {}
         return {} if value is None else {"normal": value, "normal_strength": strength}
@@ -157,14 +157,14 @@ class _Inputs:
             return None, 1.0
         node, groups = source.socket.node, source.groups
         if node.type == "BUMP":
-            self.notes.append(f"{describe(node)} is not carried; the surface is smooth there")
+            self.notes.append(f"{describe(node)} is not supported; the surface is smooth there")
             return self._normals(Place(node.inputs["Normal"], groups))
         if node.type in {"NEW_GEOMETRY", "TEX_COORD"}:
             return None, 1.0
         if node.type != "NORMAL_MAP":
-            raise NotCarriedError(f"{describe(node)} for normals is not carried")
+            raise UnsupportedError(f"{describe(node)} for normals is not supported")
         if node.space != "TANGENT":
-            raise NotCarriedError(f"{describe(node)} in {node.space.replace('_', ' ').lower()} is not carried")
+            raise UnsupportedError(f"{describe(node)} in {node.space.replace('_', ' ').lower()} is not supported")
         strength = value_of(node.inputs["Strength"], groups).constant()[0]
         value = value_of(node.inputs["Color"], groups)
         return (value if value.is_image else None), float(strength)
@@ -185,7 +185,7 @@ def _shader(place: Place) -> Surface:
     node = source.socket.node
     make = SHADERS.get(node.type)
     if make is None:
-        return Surface(notes=(f"{describe(node)} is not carried; the surface is matte grey",))
+        return Surface(notes=(f"{describe(node)} is not supported; the surface is matte grey",))
     inputs = _Inputs(node, source.groups)
     surface = make(node, inputs, source.groups)
     return replace(surface, notes=(*surface.notes, *inputs.notes))
@@ -194,15 +194,15 @@ def _shader(place: Place) -> Surface:
 def _principled(node, inputs, groups) -> Surface:
     for name, meaning in LOST_INPUTS.items():
         if inputs.is_set(name):
-            inputs.notes.append(f"{meaning} ('{name}') is not carried")
+            inputs.notes.append(f"{meaning} ('{name}') is not supported")
     coat = inputs.value("Coat Weight") if inputs.is_set("Coat Weight") else constant(0.0)
     if inputs.is_set("Coat Weight"):
         if origin(Place(node.inputs["Coat Normal"], groups)) is not None:
-            inputs.notes.append("the coat's normal map ('Coat Normal') is not carried")
+            inputs.notes.append("the coat's normal map ('Coat Normal') is not supported")
         if not _is_white(inputs, "Coat Tint"):
-            inputs.notes.append("the coat's colour ('Coat Tint') is not carried")
+            inputs.notes.append("the coat's colour ('Coat Tint') is not supported")
     if not _is_white(inputs, "Specular Tint"):
-        inputs.notes.append("the colour of reflections ('Specular Tint') is not carried")
+        inputs.notes.append("the colour of reflections ('Specular Tint') is not supported")
     emission = constant(0.0, 0.0, 0.0)
     if inputs.is_set("Emission Strength") and inputs.is_set("Emission Color"):
         emission = _product(inputs, "emission", inputs.value("Emission Color"), inputs.value("Emission Strength"))
@@ -236,7 +236,7 @@ def _product(inputs: _Inputs, what: str, colour: Value, share: Value) -> Value:
     """A colour times a number, or the colour alone with a note where the two are laid in different ways."""
     try:
         return combined(np.multiply, colour.as_colour(), share)
-    except NotCarriedError as error:
+    except UnsupportedError as error:
         inputs.notes.append(f"of its {what}: {error}")
         return colour.as_colour() if share.is_image else share.as_colour()
 
@@ -250,13 +250,13 @@ def _covered(inputs: _Inputs, emission: Value, opacity: Value) -> Value:
 
 def _diffuse(node, inputs, groups) -> Surface:
     if inputs.is_set("Roughness"):
-        inputs.notes.append("the roughness of its diffuse part ('Roughness') is not carried")
+        inputs.notes.append("the roughness of its diffuse part ('Roughness') is not supported")
     return Surface(base=inputs.value("Color").as_colour(), **inputs.normals())
 
 
 def _glossy(node, inputs, groups) -> Surface:
     if inputs.is_set("Anisotropy"):
-        inputs.notes.append("anisotropy is not carried")
+        inputs.notes.append("anisotropy is not supported")
     return Surface(
         base=inputs.value("Color").as_colour(),
         metallic=constant(1.0),
@@ -268,10 +268,10 @@ def _glossy(node, inputs, groups) -> Surface:
 
 def _metallic(node, inputs, groups) -> Surface:
     if node.fresnel_type != "F82":
-        inputs.notes.append("a metal's measured indices of refraction are not carried; its colour is grey")
+        inputs.notes.append("a metal's measured indices of refraction are not supported; its colour is grey")
         return Surface(base=constant(0.8, 0.8, 0.8), metallic=constant(1.0), roughness=inputs.value("Roughness"))
     if not _is_white(inputs, "Edge Tint"):
-        inputs.notes.append("a metal's colour at its edges ('Edge Tint') is not carried")
+        inputs.notes.append("a metal's colour at its edges ('Edge Tint') is not supported")
     return _glossy(node, _Renamed(inputs, {"Color": "Base Color"}), groups)
 
 
@@ -294,7 +294,7 @@ class _Renamed:
 
 def _glass(node, inputs, groups) -> Surface:
     if node.type == "BSDF_REFRACTION":
-        inputs.notes.append("a refraction without reflection is not carried; it reflects as glass does")
+        inputs.notes.append("a refraction without reflection is not supported; it reflects as glass does")
     if not _is_white(inputs, "Color"):
         inputs.notes.append(f"reflections of {describe(node)} are white and not of its colour")
     # Its colour is that of one surface, the renderer's that of a way through the body.
@@ -314,7 +314,7 @@ def _transparent(node, inputs, groups) -> Surface:
     if not colour.is_image and bool(np.all(colour.numbers >= 1.0 - 1e-4)):
         return INVISIBLE
     if float(np.ptp(colour.constant())) > 1e-3:
-        inputs.notes.append(f"the colour of {describe(node)} is not carried; it lets grey light through")
+        inputs.notes.append(f"the colour of {describe(node)} is not supported; it lets grey light through")
     opacity = combined(lambda a: np.clip(1.0 - a, 0.0, 1.0), colour.as_number())
     return Surface(base=constant(0.0, 0.0, 0.0), opacity=opacity)
 
@@ -345,8 +345,8 @@ def _mix(node, inputs, groups) -> Surface:
     share = inputs.value(factor_socket.name)
     try:
         return _blended(node, first, second, share)
-    except NotCarriedError as error:
-        inputs.notes.append(f"{describe(node)}: {error}; the first shader is carried alone")
+    except UnsupportedError as error:
+        inputs.notes.append(f"{describe(node)}: {error}; only the first shader is used")
         return first
 
 
@@ -438,9 +438,9 @@ def _add(node, inputs, groups) -> Surface:
             emission = combined(np.add, whole.emission, other.emission)
             if not whole.visible:
                 emission = constant(0.0, 0.0, 0.0)
-                inputs.notes.append(f"{describe(node)}: light of a surface that is not there is not carried")
+                inputs.notes.append(f"{describe(node)}: light of a surface that is not there is not supported")
             return replace(whole, emission=emission, notes=(*first.notes, *second.notes))
-    inputs.notes.append(f"{describe(node)} of two reflecting shaders is not carried; the first is carried alone")
+    inputs.notes.append(f"{describe(node)} of two reflecting shaders is not supported; only the first is used")
     return first
 
 
@@ -459,7 +459,7 @@ SHADERS = {
     "MIX_SHADER": _mix,
     "ADD_SHADER": _add,
 }
-"""Shader nodes that can be carried, by Blender's type."""
+"""Supported shader nodes, by Blender's type."""
 
 
 def reflection_ior(surface: Surface) -> float:

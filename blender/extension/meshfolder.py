@@ -22,7 +22,7 @@ class Made:
 
     Attributes:
         files: the mesh's file and those that it names; none where there was nothing to write.
-        notes: what could not be carried.
+        notes: what is not supported.
         materials: names of the materials of its parts, in their order; empty where a part has none.
     """
 

@@ -161,7 +161,7 @@ class AddBox(_FloorTool, bpy.types.Operator):
         first, second, third = corners
         side = second - first
         if side.length < 1e-6:
-            self.report({"ERROR"}, "The first two corners are the same place")
+            self.report({"ERROR"}, "The first two corners coincide")
             return {"CANCELLED"}
         across = Vector((-side.y, side.x)).normalized()
         depth = across * (third - first).dot(across)
@@ -197,7 +197,7 @@ class AddTop(bpy.types.Operator):
                 item.data = item.data.copy()
             top = _part_top(item)
             if top is None:
-                self.report({"WARNING"}, f"'{name}' has no level face that looks up")
+                self.report({"WARNING"}, f"'{name}' has no level face that points up")
                 continue
             plane = new_object(context, f"{name} top", *top, roles.SUPPORT)
             plane.parent = item

@@ -68,11 +68,11 @@ def shutter_of(scene) -> tuple[Shutter | None, list[str]]:
         return None, []
     notes = []
     if cycles(scene, "rolling_shutter_type", "NONE") != "NONE":
-        notes.append("Rolling shutter is not carried; the whole picture is exposed at once")
+        notes.append("Rolling shutter is not supported; the whole picture is exposed at once")
     curve = render.motion_blur_shutter_curve
     curve.initialize()
     if min(curve.evaluate(curve.curves[0], share) for share in np.linspace(0.05, 0.95, 10)) < 0.99:
-        notes.append("The shutter's curve is not carried; it opens and closes at once")
+        notes.append("The shutter's curve is not supported; it opens and closes at once")
     now, open_for = scene.frame_current + scene.frame_subframe, render.motion_blur_shutter
     opens = now + {"START": 0.0, "CENTER": -0.5, "END": -1.0}[render.motion_blur_position] * open_for
     steps = 2 ** max((_steps(item) for item in scene.objects), default=1)

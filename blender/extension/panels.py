@@ -151,7 +151,7 @@ class ShootingPanel(Sidebar, bpy.types.Panel):
         layout.use_property_split = True
         layout.prop(context.scene.render, "engine")
         if context.scene.render.engine != ENGINE:
-            layout.label(text="F12 would use another renderer", icon="ERROR")
+            layout.label(text="F12 uses another renderer", icon="ERROR")
         column = layout.column(align=True)
         column.label(text="New camera at the capture point")
         for kind, name, _, icon, _ in viewpoints.ITEMS:

@@ -20,7 +20,7 @@ PICTURES = "*.exr;*.hdr;*.jpg;*.jpeg;*.png;*.tif;*.tiff"
 
 
 class PhotographError(Exception):
-    """A photograph that cannot be carried or taken over."""
+    """A photograph that is not supported or taken over."""
 
 
 Relative = Callable[[Path], str]
@@ -71,7 +71,7 @@ def panorama_tables(
 
 
 def plate_camera(scene) -> bpy.types.Object | None:
-    """The camera whose plate is carried: the active one, or else the first that has a plate."""
+    """The camera whose plate is exported: the active one, or else the first that has a plate."""
     found = [item for item in scene.objects if item.type == "CAMERA" and cameras.plate_of(item) is not None]
     return next((item for item in found if scene.camera is not None and item.name == scene.camera.name), None) or next(
         iter(found), None
@@ -79,7 +79,7 @@ def plate_camera(scene) -> bpy.types.Object | None:
 
 
 def plate_table(scene, relative: Relative, files: MeshFolder) -> tuple[dict[str, Any] | None, list[str]]:
-    """The ``[plate]`` table, ``None`` where no camera has a plate; and notes on plates that are not carried.
+    """The ``[plate]`` table, ``None`` where no camera has a plate; and notes on plates that are not supported.
 
     Raises:
         PhotographError: the plate is a sequence or a movie.
@@ -91,13 +91,14 @@ def plate_table(scene, relative: Relative, files: MeshFolder) -> tuple[dict[str,
     image, settings = cameras.plate_of(chosen), chosen.data.lightdepth.plate
     if image.source != "FILE":
         raise PhotographError(
-            f"Camera '{chosen.name}': its plate '{image.name}' is a {image.source.lower()}; only a single image is carried"
+            f"Camera '{chosen.name}': its plate '{image.name}' is a {image.source.lower()}; only single images are "
+            "supported"
         )
     table = {"image": relative(panorama.file_of(image, files)), "camera": chosen.name}
     if settings.use_gain:
         table["gain"] = list(settings.gain)
     notes = [
-        f"Camera '{item.name}': its plate is not carried; a scene has one, and it is that of '{chosen.name}'"
+        f"Camera '{item.name}': its plate is left out; a scene has one, and it is that of '{chosen.name}'"
         for item in scene.objects
         if item.type == "CAMERA" and item.name != chosen.name and cameras.plate_of(item) is not None
     ]

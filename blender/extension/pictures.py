@@ -56,7 +56,9 @@ class Versions(_Gain, bpy.types.PropertyGroup):
     """What a panorama has beside its image."""
 
     retouched: PointerProperty(
-        name="Retouched", description="Version that is the picture, but not the light", type=bpy.types.Image
+        name="Retouched",
+        description="Retouched version, used as the picture but not as the light",
+        type=bpy.types.Image,
     )
     mask: PointerProperty(
         name="Mask", description="White where the panorama counts, black where it does not", type=bpy.types.Image
@@ -74,7 +76,7 @@ class FurtherPanorama(bpy.types.PropertyGroup):
     )
     capture: PointerProperty(
         name="Capture Point",
-        description="Empty that stands where this panorama was taken and is turned as the camera was",
+        description="Empty at the position from which this panorama was taken, rotated like the camera",
         type=bpy.types.Object,
         poll=lambda self, item: item.type == "EMPTY",
         update=_rebuild,
@@ -86,7 +88,7 @@ class FurtherPanorama(bpy.types.PropertyGroup):
         name="Snap Clicks",
         description="Move each click on this panorama to where it shows what the first one shows around its click",
     )
-    report: StringProperty(description="What relating it said, in lines")
+    report: StringProperty(description="Lines of the report on its pose")
 
 
 class Plate(_Gain, bpy.types.PropertyGroup):
@@ -101,7 +103,7 @@ class Plate(_Gain, bpy.types.PropertyGroup):
     solve_distortion: BoolProperty(
         name="Solve Distortion", description="k1 and k2 as well; needs points all over the picture"
     )
-    report: StringProperty(description="What solving said, in lines")
+    report: StringProperty(description="Lines of the report on the camera")
 
 
 classes = (SharedPoint, AxisLine, Versions, FurtherPanorama, Plate)

@@ -129,8 +129,8 @@ class Process:
         number = -status if status < 0 else status - _SHELLS_SIGNALS
         if number in list(signal.Signals):
             name = signal.Signals(number).name
-            return RendererError(f"The renderer '{self.command}' was ended by the system ({name}).")
-        return RendererError(f"The renderer '{self.command}' ended with status {status} and said nothing.")
+            return RendererError(f"The renderer '{self.command}' was killed by the system ({name}).")
+        return RendererError(f"The renderer '{self.command}' exited with status {status} and no message.")
 
     def _not_understood(self, printed: str) -> RendererError:
         shown = " ".join(printed.split())

@@ -59,12 +59,12 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     capture: PointerProperty(
         name="Capture Point",
-        description="Empty that stands where the panorama was taken and is turned as the camera was",
+        description="Empty at the position from which the panorama was taken, rotated like the camera",
         type=bpy.types.Object,
         poll=lambda self, item: item.type == "EMPTY",
         update=lambda self, context: panorama.rebuild(self.id_data),
     )
-    shown_image: PointerProperty(type=bpy.types.Image, description="The panorama that the world was made to show")
+    shown_image: PointerProperty(type=bpy.types.Image, description="The panorama that the world shows")
     world: PointerProperty(type=bpy.types.World, description="The world that shows the panorama")
     world_before: PointerProperty(type=bpy.types.World, description="The world that the scene had before")
     projection: PointerProperty(type=bpy.types.Material, description="Shows the panorama on surfaces")
@@ -99,7 +99,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Known", description="What was measured in the real place", items=KNOWN_LENGTHS, default="CAMERA"
     )
     known_length: FloatProperty(
-        name="Length", description="How long that is", default=1.6, min=0.001, soft_max=20.0, unit="LENGTH"
+        name="Length", description="Its length", default=1.6, min=0.001, soft_max=20.0, unit="LENGTH"
     )
     residual: FloatProperty(
         name="Residual", description="Error of the solved pose, degrees; -1: not solved", default=-1.0
@@ -120,7 +120,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     max_bounces: IntProperty(
         name="Max Bounces",
-        description="How often light is scattered at most; glass needs many",
+        description="Maximum number of times that light is scattered; glass needs many",
         default=8,
         min=1,
         soft_max=64,
@@ -146,7 +146,7 @@ class ObjectSettings(bpy.types.PropertyGroup):
 
     role: EnumProperty(
         name="Role",
-        description="What this object stands for",
+        description="Role of this object",
         items=roles.ITEMS,
         default=roles.SYNTHETIC,
         update=lambda self, context: roles.show_role(self.id_data),
@@ -165,7 +165,7 @@ class ObjectSettings(bpy.types.PropertyGroup):
         name="Specular", description="0.5 mirrors 4 %", default=0.5, min=0.0, max=1.0, subtype="FACTOR"
     )
     removed: BoolProperty(
-        name="Removed", description="It is in the photograph, and is to leave the picture with its light and shadow"
+        name="Removed", description="It is in the photograph and is removed from the picture, with its light and shadow"
     )
     opening: BoolProperty(
         name="Opening",
@@ -186,11 +186,11 @@ class ObjectSettings(bpy.types.PropertyGroup):
     )
     recover_mask: BoolProperty(
         name="Mask from Its Patch",
-        description="What the patch in the photograph shows of bars, curtains and trees holds back this sun",
+        description="Recover from its patch in the photograph how bars, curtains and trees block this sun",
     )
     mask: StringProperty(
         name="Mask",
-        description="Image of the share of the sun that passes what is not modelled, such as bars, curtains and trees",
+        description="Image of the share of sunlight that passes what is not modelled, such as bars, curtains and trees",
         subtype="FILE_PATH",
     )
     mask_extent: FloatVectorProperty(
@@ -206,7 +206,7 @@ class CameraSettings(bpy.types.PropertyGroup):
 
     projection: EnumProperty(
         name="Projection",
-        description="Pictures of the whole surroundings that Blender's own panoramic lenses do not have",
+        description="Panoramic projections that Blender's own lenses lack",
         items=(
             ("CAMERA", "As Panorama Type", "The lens that Blender has"),
             *((name, each.label, each.description) for name, each in PROJECTIONS.items()),
@@ -214,7 +214,7 @@ class CameraSettings(bpy.types.PropertyGroup):
     )
     distortion: FloatVectorProperty(
         name="Distortion",
-        description="Radial distortion k1 and k2 of a perspective lens, as motion tracking and OpenCV mean them",
+        description="Radial distortion k1 and k2 of a perspective lens, as defined by motion tracking and OpenCV",
         size=2,
         precision=4,
         step=1,

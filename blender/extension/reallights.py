@@ -47,7 +47,7 @@ def read_tables(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise LightFileError(f"{path} cannot be read: {error.strerror}") from error
     except ValueError as error:
-        raise LightFileError(f"{path} is no scene file: {error}") from error
+        raise LightFileError(f"{path} is not a scene file: {error}") from error
 
 
 def show_lights(context, tables: Iterable[Mapping[str, Any]], folder: Path, origin: np.ndarray) -> list[str]:

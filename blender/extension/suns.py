@@ -42,7 +42,7 @@ def sun_table(
         origin: of the scene file in Blender's world, shape (3,).
 
     Returns:
-        The table, ``None`` where the lamp gives no light or cannot be real, and notes on what cannot be carried.
+        The table, ``None`` where the lamp gives no light or cannot be real, and notes on what is not supported.
     """
     light, settings = item.data, item.lightdepth
     irradiance, notes = lights.strength(name, light)
@@ -59,7 +59,9 @@ def sun_table(
         table["mask"] = "recover"
     elif settings.mask:
         if direction.angle(Vector(settings.mask_direction), math.pi) > math.radians(SAME_DIRECTION):
-            notes.append(f"Light '{name}': it was turned after its mask was made, which fits no more and is left out")
+            notes.append(
+                f"Light '{name}': it was rotated after its mask was made; the mask no longer fits and is left out"
+            )
         else:
             path = Path(bpy.path.abspath(settings.mask))
             shift = across(direction, origin)

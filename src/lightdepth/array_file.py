@@ -20,7 +20,7 @@ def read_array(path: Path) -> np.ndarray:
         start = file.read(6)
     if start[:4] == b"PK\x03\x04":
         raise InputError(
-            f"{path}: is an archive of arrays (.npz), though it is named .npy; save one array by numpy.save"
+            f"{path}: is an archive of arrays (.npz), though it is named .npy; save one array with numpy.save"
         )
     if start != b"\x93NUMPY":
         raise InputError(f"{path}: not a readable .npy file: it does not start like one")

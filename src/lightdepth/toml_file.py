@@ -78,11 +78,11 @@ def _read_text(path: Path) -> str:
         if path.suffix.lower() in PICTURES:
             hint = f"lightdepth new {path.name} begins a scene file from a panorama"
             raise InputError(f"{path}: a picture, and not a scene file (TOML); {hint}") from error
-        raise InputError(f"{path}: line {line}: not UTF-8 text; TOML files are UTF-8, save it so") from error
+        raise InputError(f"{path}: line {line}: not UTF-8 text; save the TOML file as UTF-8") from error
 
 
 def _too_deep(path: Path) -> InputError:
-    return InputError(f"{path}: tables and lists stand more than {DEEPEST} deep in each other; nothing here needs that")
+    return InputError(f"{path}: tables and lists are nested more than {DEEPEST} levels deep, which no key needs")
 
 
 def _check_values(path: Path, document: dict[str, Any]) -> None:
@@ -95,7 +95,7 @@ def _check_values(path: Path, document: dict[str, Any]) -> None:
         if isinstance(value, dict | list):
             waiting += [(inner, depth + 1) for inner in (value.values() if isinstance(value, dict) else value)]
         elif isinstance(value, int) and not -(2**63) <= value < 2**63:
-            raise InputError(f"{path}: not valid TOML: a whole number beyond 64 bits")
+            raise InputError(f"{path}: not valid TOML: an integer beyond 64 bits")
 
 
 def first_panorama(document: Mapping[str, Any]) -> Any:

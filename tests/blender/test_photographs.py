@@ -123,7 +123,7 @@ def test_photographs_go_to_a_scene_file_and_back(found, folder):
                 assert after[key] == value
     assert found["empties"] == ["Capture point", "Capture point 2"]
     assert found["left"] == ["Capture point"]
-    assert any("its plate is not carried; a scene has one" in note for note in found["notes"])
+    assert any("its plate is left out; a scene has one" in note for note in found["notes"])
 
 
 def test_untouched_pixels_are_the_plates(found, folder):

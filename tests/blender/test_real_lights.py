@@ -124,7 +124,7 @@ def test_what_cannot_be_is_refused_in_words(found):
     _, said = found
     missing, mesh, inline, no_sun = said["refused"]
     assert "missing.toml cannot be read" in missing
-    assert "is no scene file" in mesh
+    assert "is not a scene file" in mesh
     assert "cannot be replaced" in inline
     assert "no direction of the sky explains" in no_sun or "the sun reaches nothing" in no_sun
     assert said["said"]

@@ -73,7 +73,7 @@ def test_motion_and_materials_are_animated(animated):
 def test_a_renderer_that_fails_is_told_in_its_own_words(animated):
     found = animated[0]
     assert found["coverage"] == pytest.approx(1.0)
-    assert found["notes"] == ["Material 'Plane': sheen ('Sheen Weight') is not carried"]
+    assert found["notes"] == ["Material 'Plane': sheen ('Sheen Weight') is not supported"]
     assert "the lamp is broken" in found["crashing"]
     assert "SIGKILL" in found["killed"]
     assert "odd number" in found["traceback"]

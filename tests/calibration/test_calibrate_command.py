@@ -205,9 +205,9 @@ def test_bad_input_ends_in_one_message_and_nothing_written(room, panorama, tmp_p
         (["--angles", "--vertical", "0,0 0,91"], "point 2 is 0,91"),
         (["--width", "2"], "give --rectangle as well"),
         (["--snap", "--auto"], "--snap moves the corners of a floor rectangle"),
-        (["--picture", "check.jpg", "--auto"], "the check picture is a .png file"),
+        (["--picture", "check.jpg", "--auto"], "the check picture must be a .png file"),
         (["--bearing", "nan", "--auto"], "--bearing nan"),
-        ([], "0 verticals do not suffice"),
+        ([], "0 verticals are not enough"),
         (["--auto", "--camera-height", "0"], "camera height 0: a finite number above 0"),
     ],
 )

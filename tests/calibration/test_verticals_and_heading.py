@@ -99,7 +99,7 @@ def test_verticals_that_all_stand_in_one_plane_are_reported():
 
 def test_too_few_and_too_short_verticals_are_refused(poses):
     edges = seen_from(CAMERA, np.eye(3), poses.plumb_edges(CAMERA, 3))
-    with pytest.raises(InputError, match="2 verticals do not suffice: give three or more"):
+    with pytest.raises(InputError, match="2 verticals are not enough: give three or more"):
         calibrate(Cues(verticals=Arcs(edges[:2])))
     edges[1, 1] = edges[1, 0]
     with pytest.raises(InputError, match="vertical 2: its two points are less than a degree apart"):

@@ -53,7 +53,7 @@ def test_a_shoot_has_one_white_balance():
 
 def test_raw_and_developed_photographs_are_not_mixed(tmp_path):
     Image.new("RGB", (8, 8)).save(tmp_path / "a.png")
-    with pytest.raises(InputError, match=r"a.png: is no RAW file, but 080_long.dng is"):
+    with pytest.raises(InputError, match=r"a.png: is not a RAW file, but 080_long.dng is"):
         shared_white_balance([FAULTS / "02-rawmax/080_long.dng", tmp_path / "a.png"])
 
 
@@ -115,7 +115,7 @@ def test_photographs_of_different_views_and_brightness_are_named(tmp_path):
         merge(written(tmp_path, (1, 4), (views[0], views[0] / 2)), linear_response())
     pairs = written(tmp_path, (1, 4), (views[0], 4 * views[0]))
     merge(pairs, linear_response())
-    with pytest.raises(InputError, match=r"0.dng: is RAW, whose readings are linear.*--response"):
+    with pytest.raises(InputError, match=r"0.dng: is RAW, whose values are linear.*--response"):
         merge(pairs, srgb_response())
 
 

@@ -233,7 +233,7 @@ def test_a_scheduler_that_is_not_there_is_named(scene):
         (["--frames", "1-10"], "10 is outside the [sequence]"),
         (["--frames", "1-9", "--sampels", "8"], "No such option: --sampels"),
         (["--frames", "1-9", "--samples", "none"], "Invalid value for '--samples'"),
-        (["--frames", "1-9", "--share", "1/2"], "--share: is not for farms"),
+        (["--frames", "1-9", "--share", "1/2"], "--share: cannot be given for a farm"),
         (["--frames", "1-9", "--chunk", "151"], "allows at most 150 frames"),
     ],
 )

@@ -18,6 +18,7 @@ from lightdepth.film.layers import read_frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.images.ocio import OcioView
 from lightdepth.images.tonemapping import AVERAGE_LUMINANCE
+from tests.support.picture_file import undocumented
 
 from .room_folder import edit, make_room
 from .test_bad_input import MEANINGLESS
@@ -118,6 +119,7 @@ def test_the_file_has_all_layers_and_says_how_it_was_made(first):
     # But for few clipped pixels, the panorama's radiance is 0.5.
     assert float(frame.metadata["exposure"]) == pytest.approx(np.log2(AVERAGE_LUMINANCE / 0.5), abs=0.01)
     assert float(frame.metadata["irradiance_error"]) >= 0.0
+    assert undocumented(target) == set()
     assert sorted(path.name for path in target.parent.iterdir()) == ["picture.exr", "picture.png"]
 
 
@@ -217,6 +219,7 @@ def test_denoising_leaves_the_photograph_alone(command, tmp_path):
     noisy, clean = frames
     assert "denoised" not in noisy.metadata
     assert clean.metadata["denoised"] == "change, synthetic"
+    assert undocumented(tmp_path / "clean.exr") == set()
     assert clean.plate.tobytes() == noisy.plate.tobytes()
     untouched = (noisy.coverage == 0) & (noisy.change == 0).all(axis=2)
     assert untouched.any()

@@ -96,10 +96,10 @@ def test_shares_of_several_processes_merge_to_the_picture_of_one(scene, uninterr
         assert f"wrote {part}" in errors
     status, _, errors = command("merge", parts[0], "-o", tmp_path / "x.exr")
     assert status == 2
-    assert "the picture is not complete, missing is 2/2" in errors
+    assert "the picture is not complete; missing: 2/2" in errors
     status, _, errors = command("merge", *parts, parts[0], "-o", tmp_path / "x.exr")
     assert status == 2
-    assert "holds the part 1/2, which is in" in errors
+    assert "holds share 1/2, which is in" in errors
     status, _, errors = command("merge", *reversed(parts), "-o", tmp_path / "x.exr")
     assert status == 0, errors
     frame = read_frame(tmp_path / "x.exr")
@@ -112,10 +112,10 @@ def test_shares_of_several_processes_merge_to_the_picture_of_one(scene, uninterr
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--share", "3/2", "-o", "x.sums"], "the first number is from 1 to the second one"),
+        (["--share", "3/2", "-o", "x.sums"], "the first number must be from 1 to the second"),
         (["--share", "two", "-o", "x.sums"], "write it as 2/4"),
         (["--share", "1/2", "-o", "x.exr"], "the output is an .sums file"),
-        (["--share", "1/2", "-o", "x.sums", "--noise", "0.1"], "depends on all shares"),
+        (["--share", "1/2", "-o", "x.sums", "--noise", "0.1"], "depend on all shares"),
         (["--region", "1,2,3", "-o", "x.exr"], "write it as left,top,right,bottom"),
         (["--region", "5,2,3,9", "-o", "x.exr"], "region = (5, 2, 3, 9)"),
     ],

@@ -18,6 +18,7 @@ from lightdepth.film.layers import write_frame  # noqa: E402
 from lightdepth.scene.materials import Diffuse  # noqa: E402
 from lightdepth.scene.model import Role, SyntheticObject, SyntheticPart  # noqa: E402
 from tests.film.test_selection import box  # noqa: E402
+from tests.support.picture_file import undocumented  # noqa: E402
 from tests.transport.places import CAPTURE, GREY, WHITE, ball, room  # noqa: E402
 
 WIDTH, HEIGHT = 90, 60
@@ -137,6 +138,7 @@ def test_another_program_reads_the_mattes(frame, tmp_path):
 
 def test_the_header_says_how_to_read_them(frame, tmp_path):
     write_frame(tmp_path / "picture.exr", frame, layers=["cryptomatte"])
+    assert undocumented(tmp_path / "picture.exr") == set()
     with OpenEXR.File(str(tmp_path / "picture.exr"), separate_channels=True) as file:
         assert [part.name() for part in file.parts] == ["beauty"]
         header, channels = dict(file.parts[0].header), list(file.parts[0].channels)

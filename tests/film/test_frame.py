@@ -17,11 +17,12 @@ from lightdepth.errors import InputError
 from lightdepth.film.cryptomatte import Mattes
 from lightdepth.film.frame import Frame
 from lightdepth.film.header import time_attributes, view_matrices
-from lightdepth.film.layers import part_path, read_frame, write_frame, write_picture
+from lightdepth.film.layers import FILE_NAMES, LAYERS, part_path, read_frame, write_frame, write_picture
 from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.images.tonemapping import tone_map
 from lightdepth.kernel.start import start
+from tests.support.picture_file import ROOT, documented, undocumented
 
 
 def small_frame(height=24, width=48, seed=1, **optional):
@@ -159,6 +160,22 @@ def test_the_file_says_what_other_programs_look_for(tmp_path):
         assert spec["smpte:TimeCode"] == (0x00005110, 0)  # Its digits: 1234 = 51 x 24 + 10.
     assert parts[0]["framesPerSecond"] == (24000, 1001)
     assert parts[0]["software"].startswith("lightdepth ")
+    assert undocumented(tmp_path / "f.exr") == set()
+
+
+def test_what_the_page_of_the_file_names_is_written():
+    """The other direction, that a file has nothing else, is tested where files are rendered."""
+    attributes, channels = documented()
+    code = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "src/lightdepth").rglob("*.py"))
+    own = {name.removeprefix("lightdepth:") for name in attributes if name.startswith("lightdepth:")}
+    assert {name for name in own if f'"{name}"' not in code and f'"lightdepth:{name}"' not in code} == set()
+    several = {"RGB": "RGB", "XYZ": "XYZ", "share": ["share1"]}
+    assert channels == {"R", "G", "B", "A", "CryptoObject00.R"} | {
+        f"{FILE_NAMES.get(layer, layer)}.{letter}"
+        for layer, (names, _) in LAYERS.items()
+        for letter in several.get(names, [names])
+        if layer != "cryptomatte"
+    }
 
 
 def test_above_30_frames_per_second_a_time_code_counts_pairs():
@@ -322,6 +339,7 @@ def test_views_become_files_of_their_own_with_all_layers(tmp_path, spherical):
         for layer in ("plate", "change", "synthetic", "coverage", "object_id", "depth", "normal", "samples"):
             np.testing.assert_array_equal(getattr(part, layer), getattr(whole, layer)[chart.slices], layer)
         assert part.metadata == {**frame.metadata, "part": name}
+        assert undocumented(tmp_path / f"shot.{name}.0001.exr") == set()
         assert part.object_names == frame.object_names
         assert part.topology.environment_map == ("latlong" if spherical else None)
         # Both eyes have the exposure of the whole.

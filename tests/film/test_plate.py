@@ -17,6 +17,7 @@ from lightdepth.kernel.start import start
 from lightdepth.scene.materials import Diffuse
 from lightdepth.scene.model import CameraView, Plate, RenderSettings, Role, Scene
 from tests.place.virtual_room import CAPTURES, REAL, photograph, radiance
+from tests.support.picture_file import undocumented
 from tests.transport.places import ball
 
 start("cpu")
@@ -83,6 +84,7 @@ def test_gain_is_solved_from_what_both_see(scene: Scene) -> None:
 
 def test_untouched_pixels_are_those_of_the_plate(scene: Scene, frame: Frame, tmp_path) -> None:
     write_frame(tmp_path / "x.exr", frame)
+    assert undocumented(tmp_path / "x.exr") == set()
     touched = np.stack([frame.touched(row) for row in range(HEIGHT)])
     assert (~touched).mean() > 0.05
     np.testing.assert_array_equal(read_radiance(tmp_path / "x.exr")[~touched], scene.plate.radiance[~touched])

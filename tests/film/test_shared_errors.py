@@ -43,7 +43,7 @@ def test_the_estimate_is_what_is_seen_over_seeds(scene):
         list(rendering.run(SAMPLES))
         frame = rendering.frame(auxiliary=False)
         pictures.append(frame.beauty)
-        light_list, cache = (float(frame.metadata[name]) for name in ("light_list_error", "cache_error"))
+        light_list, cache = (float(frame.metadata[name]) for name in ("light_list_error", "radiance_cache_error"))
         lists.append(light_list)
         common.append(light_list**2 + cache**2)
         own.append(np.mean(np.square(rendering.errors.own())))

@@ -204,7 +204,7 @@ def test_shares_merged_are_the_picture_of_one_process(scene, tmp_path, metal):
 
 def test_parts_that_do_not_belong_together_are_refused(scene):
     one = part(scene, Share(0, 2), 8)
-    with pytest.raises(InputError, match=r"holds the part 1/2, which is in part 1 as well"):
+    with pytest.raises(InputError, match=r"holds share 1/2, which is in part 1 as well"):
         merge([one, one])
     with pytest.raises(InputError, match=r"another samples \(4 and 8\)|another samples \(8 and 4\)"):
         merge([one, part(scene, Share(1, 2), 4)])
@@ -218,11 +218,11 @@ def test_parts_that_do_not_belong_together_are_refused(scene):
         ("seed", 4),
         ("size", (9, 9)),
     ):
-        with pytest.raises(InputError, match=f"part 2: does not belong to part 1: it is of another {name}"):
+        with pytest.raises(InputError, match=f"part 2: does not belong to part 1: it has another {name}"):
             merge([one, replace(other, origin=replace(other.origin, **{name: value}))])
     assert merge([one]).missing == ("2/2",)
     assert merge([one, other]).complete
-    with pytest.raises(InputError, match="depends on all shares"):
+    with pytest.raises(InputError, match="depend on all shares"):
         begin_rendering(scene, "view", share=Share(0, 2)).run(8, 0.1)
 
 
@@ -240,13 +240,13 @@ def test_sums_of_regions_are_parts_that_can_be_saved_and_merged_again(scene, tmp
     for name, values in expected.arrays().items():
         assert getattr(again, name).tobytes() == values.tobytes()
     assert merge([parts[0], parts[1]]).missing == ("2/2", "the region 20,10,48,32")
-    with pytest.raises(InputError, match=r"part 2: holds the part 1/2 of the region 20,0,30,10, which is in part 1"):
+    with pytest.raises(InputError, match=r"part 2: holds share 1/2 of the region 20,0,30,10, which is in part 1"):
         merge([parts[1], sums[0].within((10, 0, 30, 32))])
     with pytest.raises(InputError, match="holds the part 2/2, which is in part 1 as well"):
         merge([sums[1], sums[1]])
-    with pytest.raises(InputError, match=r"it is of other regions \(20,0,48,10 and 0,0,20,32\)"):
+    with pytest.raises(InputError, match=r"it has other regions \(20,0,48,10 and 0,0,20,32\)"):
         merge([parts[0], parts[4]])
-    with pytest.raises(InputError, match=r"holds other parts \(1/2\) than part 1 \(1/2, 2/2\)"):
+    with pytest.raises(InputError, match=r"holds other shares \(1/2\) than part 1 \(1/2, 2/2\)"):
         merge([merge(sums).within(regions[0]), parts[1]])
     with pytest.raises(InputError, match="another number of paths from the light"):
         merge([parts[0], replace(parts[1], light_count=1)])

@@ -185,7 +185,7 @@ def test_bad_clicks_are_refused_in_words(grass, option, text, words):
 
 def test_clicks_that_contradict_each_other_are_named(grass):
     """Two places of one meadow, of which one is said to be ten times as dark as the other."""
-    with pytest.raises(InputError, match=r"--grey: the clicks contradict each other: by number 1 .* by number 2"):
+    with pytest.raises(InputError, match=r"--grey: the clicks contradict each other: by click 1 .* by click 2"):
         recover_clipped(clipped(grass, 8.0), grey=["500.5,380.5 0.3", "300.5,400.5 0.03"])
 
 
@@ -244,7 +244,7 @@ def test_a_lamp_and_a_window_are_recovered_from_how_their_light_falls_off():
         true = (whole.radiance * (angles * each.plateau.pixels)[..., None]).sum(axis=(0, 1))
         np.testing.assert_allclose(each.irradiance, true, rtol=0.12)
     wrong = f"{grey[3].split()[0]} {' '.join(str(0.15 * value) for value in albedo)}"
-    with pytest.raises(InputError, match=r"contradict each other: .* number 4 would have \d+(\.\d+)? times the albedo"):
+    with pytest.raises(InputError, match=r"contradict each other: .* click 4 would have \d+(\.\d+)? times the albedo"):
         recover_clipped(cut, grey=[*grey[:3], wrong])
 
 

@@ -37,7 +37,8 @@ def test_the_file_is_as_designed_and_a_panorama_as_well(tmp_path):
     assert part.header["envmap"] == "latlong"
     place = np.array([3.0, 1.0, 0.5])
     seen = np.append(place, 1.0) @ part.header["worldToCamera"]
-    np.testing.assert_allclose(seen[:3], example().rotation.T @ (place - example().position), atol=1e-6)
+    right, forward, up = example().rotation.T @ (place - example().position)
+    np.testing.assert_allclose(seen, [right, up, forward, 1.0], atol=1e-6)
     np.testing.assert_array_equal(read_radiance(tmp_path / "map.exr"), example().radiance)
 
 
@@ -53,8 +54,12 @@ def drop_pose(channels, header):
     del header["worldToCamera"]
 
 
-def mirror(channels, header):
-    header["worldToCamera"] = np.diag([1, 1, -1, 1]).astype(np.float32)
+def shear(channels, header):
+    header["worldToCamera"][0, 1] = 0.5
+
+
+def right_handed(channels, header):
+    header["worldToCamera"] = np.eye(4, dtype=np.float32)
 
 
 def not_positive(channels, header):
@@ -75,7 +80,8 @@ def cube(channels, header):
         (change_nothing, None),
         (drop_depth, "has the channels R, G, B and Z; found RGB"),
         (drop_pose, "must have worldToCamera"),
-        (mirror, "not a rotation and a translation"),
+        (shear, "not a rotation and a translation"),
+        (right_handed, "leads to a right-handed camera space; OpenEXR's is left-handed"),
         (not_positive, r"2 of 512 distances in channel Z are not positive, the first at row 3, column 4 \(0.0\)"),
         (dark, "1 pixel has NaN radiance"),
         (cube, "must be latlong"),
@@ -84,11 +90,12 @@ def cube(channels, header):
 def test_a_bad_file_is_refused(tmp_path, spoil, message):
     path = tmp_path / "map.exr"
     channels = {"RGB": example().radiance, "Z": example().depth}
-    header = {"envmap": OpenEXR.ENVMAP_LATLONG, "worldToCamera": np.eye(4, dtype=np.float32)}
+    header = {"envmap": OpenEXR.ENVMAP_LATLONG, "worldToCamera": np.eye(4, dtype=np.float32)[[0, 2, 1, 3]]}
     spoil(channels, header)
     write_exr(path, [ExrPart(channels, "", header)])
     if message is None:
         np.testing.assert_array_equal(read_light_depth_map(path).position, 0.0)
+        np.testing.assert_array_equal(read_light_depth_map(path).rotation, np.eye(3))
         return
     with pytest.raises(InputError, match=message) as caught:
         read_light_depth_map(path)

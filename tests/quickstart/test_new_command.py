@@ -82,7 +82,7 @@ def test_a_scene_file_is_never_replaced(command, field, tmp_path):
     before = scene.read_bytes()
     status, _, err = command("new", field, "-o", scene)
     assert status == 2
-    assert "is there already" in err
+    assert "exists already" in err
     assert scene.read_bytes() == before
 
 

@@ -310,9 +310,9 @@ def test_back_faces_are_seen(look):
     [
         ({"asset": {"version": "1.0"}}, "is glTF of version 1.0; 2.0 is needed"),
         ({"extensionsRequired": ["ACME_hologram"]}, "needs the extension ACME_hologram, which lightdepth does not"),
-        ({"buffers": [{"byteLength": 3, "uri": "gone.bin"}]}, "names the file gone.bin, which does not exist"),
+        ({"buffers": [{"byteLength": 3, "uri": "gone.bin"}]}, "refers to the file gone.bin, which does not exist"),
         ({"nodes": [{}]}, "has no triangles"),
-        ({"accessors": []}, "names accessor 1, but the file has 0 of them"),
+        ({"accessors": []}, "refers to accessor 1, but the file has 0 of them"),
         ({"asset": {"version": "2.1", "minVersion": "2.1"}}, "needs a reader of glTF 2.1"),
         (
             {"nodes": [{"mesh": 0, "matrix": [1, 0, 0, 0.1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]}]},

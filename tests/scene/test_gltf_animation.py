@@ -165,7 +165,7 @@ WRONG = [
     ),
     (lambda d: d["animations"][0]["channels"][0].pop("target"), "Walk", r"animations\[0\]\.channels\[0\]\.target: is"),
     (lambda d: d["nodes"][0].update(matrix=np.eye(4).ravel().tolist()), "Walk", "which has a matrix instead"),
-    (lambda d: d["animations"][0]["channels"][0].update(sampler=7), "Walk", "names animation sampler 7, but the file"),
+    (lambda d: d["animations"][0]["channels"][0].update(sampler=7), "Walk", "refers to animation sampler 7"),
 ]
 
 
@@ -239,7 +239,7 @@ WRONG_CAMERAS = [
     ('node = "Kamera"', {}, r"shot.gltf: has no camera 'Kamera'; it has 'Shot'$"),
     ('animation = "fly"', {}, "has no animation 'fly'; it has 'move'"),
     ('animation = { name = "move", sped = 2 }', {}, "animation: unknown key 'sped'; did you mean 'speed'"),
-    ("position = [0, 0, 1]", {}, "position: the file says where the camera is and how it is turned"),
+    ("position = [0, 0, 1]", {}, "position: the camera file gives the position and rotation already"),
     ("", {"cameras": [{"type": "orthographic"}]}, "its camera is of type 'orthographic'; only perspective"),
     ("", {"nodes": [{"mesh": 0}]}, "shot.gltf: no node of it has a camera"),
     (

@@ -139,7 +139,7 @@ def test_flat_triangles_are_left_out(tmp_path):
     [
         (positions([[0, 0, 0], [np.nan, 0, 0], [1, 1, 0], [0, 1, 0]]), ((0, 1, 2),),
          "vertices: 1 of 4 are not finite, the first is vertex 1"),
-        (positions(), ((0, 1, 9),), r"face 0 names vertices \[0, 1, 9\], but there are 4"),
+        (positions(), ((0, 1, 9),), r"face 0 refers to vertices \[0, 1, 9\], but there are 4"),
         (positions(), ((0, 1, 1),), r"all 1 triangles are degenerate"),
         (positions(), (), r"the mesh has no triangles"),
         ({**positions(), "rest_x": [0, 0, 0, np.inf], "rest_y": np.zeros(4), "rest_z": np.zeros(4)}, ((0, 1, 2),),

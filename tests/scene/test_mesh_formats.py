@@ -135,17 +135,17 @@ def test_each_texture_has_its_faces(read, tmp_path):
     [
         (ply(XYZ, [[0, 0, 0], [1, 0], [0, 1, 0]], (LIST,), [[3, 0, 1, 2]]), "line 10: 2 values, 3 are needed"),
         (ply(XYZ, [[0, 0, 0], [1, "x", 0], [0, 1, 0]], (LIST,), [[3, 0, 1, 2]]), "line 10: 'x' is not a number"),
-        (ply(XYZ, SQUARE, (LIST,), [[3, 0, 1, 2, 3]]), "line 13: more values than the header says"),
-        (ply(XYZ, SQUARE, (LIST,), [[4, 0, 1, 2]]), "line 13: fewer values than the header says"),
-        (ply(XYZ, SQUARE, (LIST,), [[-3, 0, 1, 2]]), "line 13: -3 is no length of a list"),
+        (ply(XYZ, SQUARE, (LIST,), [[3, 0, 1, 2, 3]]), "line 13: more values than the header states"),
+        (ply(XYZ, SQUARE, (LIST,), [[4, 0, 1, 2]]), "line 13: fewer values than the header states"),
+        (ply(XYZ, SQUARE, (LIST,), [[-3, 0, 1, 2]]), "line 13: -3 is not the length of a list"),
         (ply(XYZ, SQUARE, (LIST,), [[3, 0, 1, 1.5]]), "'vertex_indices' has 1.5, which is not a whole number"),
-        (ply(XYZ, SQUARE, (LIST,), [[3, 0, 1, 4]]), r"face 0 names vertices \[0, 1, 4\], but there are 4"),
+        (ply(XYZ, SQUARE, (LIST,), [[3, 0, 1, 4]]), r"face 0 refers to vertices \[0, 1, 4\], but there are 4"),
         (ply(XYZ, SQUARE, ("int a",), [[3]]), "its faces have no list 'vertex_indices'"),
         (ply(XYZ, SQUARE, (LIST,), []), "the mesh has no triangles, only 4 points; .* from-points"),
         (ply(("float x", "float y"), [[0, 0]], (LIST,), []), "its vertices have no x, y and z"),
         (ply(("flaot x",), [[0]], (LIST,), []), "line 4 of the header: 'property flaot x' is not understood"),
         ("ply\nformat ascii 1.0\nelement vertex 1\n", r"its header has no end \('end_header'\)"),
-        ("ply\nelement vertex 1\nend_header\n", "its header does not say the format"),
+        ("ply\nelement vertex 1\nend_header\n", "its header does not state the format"),
         (ply(XYZ, SQUARE, (LIST,), [[3, 0, 1, 2]]).replace("vertex 4", "vertex 9"), "has 5 of 9 elements 'vertex'"),
     ],
 )
@@ -162,11 +162,17 @@ def test_damaged_ply_is_described(read, content, message):
     [
         ("v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "line 2: 'v' needs 3 numbers, found '1 0'"),
         ("v 0 0 0\nv 1,5 0 0\nv 0 1 0\nf 1 2 3\n", "line 2: 'v' needs 3 numbers, found '1,5 0 0'"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 9\n", "line 5: the face names number 9 of the vertices, but there are 3"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\n", "line 4: the face names number 1 of the texture coordinates"),
+        (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\n\nf 1 2 9\n",
+            "line 5: the face refers to number 9 of the vertices, but there are 3",
+        ),
+        (
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\n",
+            "line 4: the face refers to number 1 of the texture coordinates",
+        ),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "line 4: there is no vertex 0"),
         ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 -2 -1\n", "line 4: there is no vertex -4"),
-        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x\n", "line 4: 'x' is no corner of a face"),
+        ("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x\n", "line 4: 'x' is not a corner of a face"),
         ("v 0 0 0\nsurf 0 1 0 1 1 2\n", "line 2: 'surf' is geometry other than polygons"),
         ("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "vertices: 1 of 3 are not finite"),
     ],
@@ -203,7 +209,7 @@ def binary_stl(count=1, head=b"solid that is binary"):
 
 def test_binary_stl_may_begin_with_solid(read):
     assert area(read("a.stl", binary_stl())[0][0]) == pytest.approx(0.5)
-    with pytest.raises(InputError, match="it says 2 triangles, but has 1; it is cut off"):
+    with pytest.raises(InputError, match="it states 2 triangles, but has 1; it is cut off"):
         read("a.stl", binary_stl(2, b"x"))
 
 
@@ -345,7 +351,7 @@ def test_a_texture_falls_back_to_an_image_that_can_be_read(read):
     with pytest.raises(InputError, match="image 0 .* cannot be read"):
         read("a.gltf", document)
     document["textures"] = [{}]
-    with pytest.raises(InputError, match="texture 0 names no image"):
+    with pytest.raises(InputError, match="texture 0 has no image"):
         read("a.gltf", document)
 
 
@@ -400,13 +406,13 @@ def test_common_liberties_of_gltf_files_are_taken(read, tmp_path):
     ("change", "message"),
     [
         ({"nodes": [{"children": [0]}]}, "node 0 is the child of two nodes, or its own ancestor"),
-        ({"nodes": [{"mesh": 5}]}, "names mesh 5, but the file has 1 of them"),
+        ({"nodes": [{"mesh": 5}]}, "refers to mesh 5, but the file has 1 of them"),
         ({"nodes": [{"mesh": "x"}]}, r"nodes\[0\].mesh: must be a valid integer"),
         ({"nodes": [{"mesh": 0, "skin": 0}], "skins": [{"joints": [0]}]}, "with skin 0 has no JOINTS_0 and WEIGHTS_0"),
         ({"meshes": 3}, "meshes: must be a valid list"),
         ({"buffers": [{"byteLength": 3}]}, "buffer 0 has no data"),
         ({"buffers": [{"byteLength": 3, "uri": "data:;base64,AAAA"}]}, "buffer view 1 ends at byte .* has 3"),
-        ({"scene": 4}, "names scene 4, but the file has 1"),
+        ({"scene": 4}, "refers to scene 4, but the file has 1"),
     ],
 )
 def test_damaged_gltf_is_described(read, change, message):
@@ -417,11 +423,11 @@ def test_damaged_gltf_is_described(read, change, message):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"count": 7}, "7 indices are no whole triangles|accessor 0 reads 28 bytes of buffer view 0, which has 24"),
-        ({"count": 5}, "5 indices are no whole triangles"),
+        ({"count": 7}, "7 indices, which is not|accessor 0 reads 28 bytes of buffer view 0, which has 24"),
+        ({"count": 5}, "5 indices, which is not a multiple of three"),
         ({"componentType": 5126}, "accessor 0 is SCALAR of type 5126; whole numbers, 1 in each element are needed"),
         ({"type": "VEC9"}, "accessor 0 is VEC9 of type 5125; allowed are SCALAR, "),
-        ({"bufferView": 9}, "names buffer view 9"),
+        ({"bufferView": 9}, "refers to buffer view 9"),
         ({"sparse": {"count": 1, "indices": {"bufferView": 0, "componentType": 5125, "byteOffset": 20},
                      "values": {"bufferView": 0}}, "count": 3}, "accessor 0 replaces element 3, but has 3"),
     ],

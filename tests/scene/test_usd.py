@@ -295,14 +295,14 @@ def test_a_camera_of_a_file_is_the_scenes(usd, tmp_path):
         ("not a layer {", "is not a readable USD file: line 7"),
         ("def \udcff", "is not a readable USD file"),
         ('def Sphere "ball" {}', "/ball is a Sphere; only meshes are read"),
-        ('def "x" (references = @nowhere.usda@) {}', "names the layer .*nowhere.usda, which does not exist"),
+        ('def "x" (references = @nowhere.usda@) {}', "refers to the layer .*nowhere.usda, which does not exist"),
         (f'def Mesh "quad" {{ {QUAD.replace("2, 3]", "2, 9]")} }}', "/quad: a face names point 9, but there are 4"),
         (f'def Mesh "quad" {{ {QUAD.replace("[4]", "[3]")} }}', "/quad: its faceVertexCounts add up to 3"),
         (
             f'def Mesh "quad" {{ {QUAD}texCoord2f[] primvars:st = [(0, 0)] (interpolation = "vertex")\n}}',
             "/quad: primvars:st has 1 values, but its interpolation, vertex, needs 4",
         ),
-        (MATERIALS.format(quad=QUAD), "names the image colours.png, which does not exist"),
+        (MATERIALS.format(quad=QUAD), "refers to the image colours.png, which does not exist"),
     ],
 )
 def test_what_is_wrong_is_said_with_its_place(usd, text, words):

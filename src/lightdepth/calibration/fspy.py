@@ -65,19 +65,21 @@ def read_fspy(path: Path) -> FspyProject:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     if len(content) < _START.size or content[:4] != b"fspy":
-        raise InputError(f"{path}: not a project of fSpy: it does not start like one")
+        raise InputError(f"{path}: not an fSpy project: it does not start like one")
     _, version, state_size, image_size = _START.unpack_from(content)
     if version != _VERSION:
-        raise InputError(f"{path}: is a project of fSpy in version {version} of the format; version {_VERSION} is read")
+        raise InputError(
+            f"{path}: is an fSpy project in version {version} of the format; only version {_VERSION} is read"
+        )
     state, image = content[_START.size :][:state_size], content[_START.size + state_size :]
     if len(state) < state_size or len(image) < image_size:
-        raise InputError(f"{path}: the project of fSpy is cut off")
+        raise InputError(f"{path}: the fSpy project is cut off")
     try:
         found = json.loads(state)
     except (ValueError, RecursionError) as error:
-        raise InputError(f"{path}: the state of this project of fSpy is damaged: it is not JSON") from error
+        raise InputError(f"{path}: the state of this fSpy project is damaged: it is not JSON") from error
     if not isinstance(found, dict):
-        raise InputError(f"{path}: the state of this project of fSpy is damaged: it is no object")
+        raise InputError(f"{path}: the state of this fSpy project is damaged: it is not a JSON object")
     return FspyProject(path, found, image[:image_size])
 
 
@@ -95,7 +97,7 @@ def fspy_cues(project: FspyProject, size: tuple[int, int]) -> ViewCues:
         return _cues(project, size)
     except (KeyError, TypeError, IndexError, ValueError, AttributeError) as error:
         raise InputError(
-            f"{project.path}: the state of this project of fSpy is damaged: lines, points or settings are missing"
+            f"{project.path}: the state of this fSpy project is damaged: lines, points or settings are missing"
         ) from error
 
 
@@ -197,7 +199,9 @@ def _crossing(path: Path, segments: list[FloatArray]) -> FloatArray:
     crossing = np.cross(homogeneous[0], homogeneous[1])
     scale = np.linalg.norm(homogeneous[0]) * np.linalg.norm(homogeneous[1])
     if abs(crossing[2]) < 1e-12 * scale:
-        raise InputError(f"{path}: two lines of this project of fSpy are parallel in the picture: no vanishing point")
+        raise InputError(
+            f"{path}: two lines of this fSpy project are parallel in the picture, so they have no vanishing point"
+        )
     return np.asarray(crossing[:2] / crossing[2])
 
 

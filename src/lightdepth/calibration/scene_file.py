@@ -67,7 +67,7 @@ def write_further_pose(scene: Path, image: Path, rotation: Sequence[float], posi
         document["panorama"] = tables = listed
     named = [(scene.parent / str(table.get("image"))).resolve() for table in tables]
     if named[0] == image.resolve():
-        raise InputError(f"{scene}: {image} is its first panorama, to which another one is related")
+        raise InputError(f"{scene}: {image} is the scene's first panorama; only a further one gets its pose from it")
     if image.resolve() in named:
         table = tables[named.index(image.resolve())]
     else:

@@ -134,8 +134,8 @@ def _read_exif(path: Path) -> _Exif:
         index = exif.recommended_index
         more = f" (the recommended exposure index is {index:g})" if index else ""
         raise InputError(
-            f"{path}: the EXIF data give the sensitivity as ISO {exif.iso:g}, which stands for one that they cannot hold"
-            f"{more}; state time, aperture and ISO in a table (--exposures)"
+            f"{path}: the EXIF data give the sensitivity as ISO {exif.iso:g}, which means a value that the field cannot "
+            f"hold{more}; state time, aperture and ISO in a table (--exposures)"
         )
     return exif
 
@@ -261,8 +261,8 @@ def _read_table(table: Path) -> dict[str, Exposure]:
         name, exposure = Path((row["file"] or "").strip().replace("\\", "/")).name, Exposure(time, aperture, iso)
         if rows.setdefault(name, exposure) != exposure:
             raise InputError(
-                f"{table}: line {reader.line_num} gives {name} another exposure than a line before; photographs of "
-                "the same name in several folders need other names"
+                f"{table}: line {reader.line_num} gives {name} another exposure than a line before; rename "
+                "photographs that have the same name in several folders"
             )
     return rows
 

@@ -45,7 +45,7 @@ def _options(
     version: Annotated[bool, typer.Option("--version", is_eager=True, help="Print the version and exit.")] = False,
     log_level: Annotated[
         Literal["debug", "info", "warning", "error"] | None,
-        typer.Option(help="Log what is done to standard error; nothing by default."),
+        typer.Option(help="Log at this level to standard error; nothing by default."),
     ] = None,
 ) -> None:
     if log_level is not None:
@@ -69,7 +69,11 @@ app.add_typer(
     help="Poses from clicks: of the panorama, of a photograph (view), of a further panorama (second).",
 )
 app.add_typer(reconstruct, name="reconstruct", help="Meshes of the real place, and where its lamps are.")
-app.add_typer(recover, name="recover", help="Light that the photograph lacks, from what it lights.")
+app.add_typer(
+    recover,
+    name="recover",
+    help="Suns, clipped lamps and gloss, recovered from what the photograph shows of their light.",
+)
 app.command()(lightmap)
 app.command(context_settings={"ignore_unknown_options": True})(where)  # Points may begin with a minus.
 app.command()(check)

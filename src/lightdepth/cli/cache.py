@@ -10,7 +10,7 @@ from rich.console import Console
 
 
 def cache(
-    clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False,
+    clear: Annotated[bool, typer.Option("--clear", help="Remove all entries.")] = False,
 ) -> None:
     """List the prepared places that are kept on disk, or remove them.
 

@@ -30,9 +30,7 @@ def view(
     y_line: Annotated[
         list[str] | None, typer.Option(help="The same, parallel to the y axis.", metavar="POINTS")
     ] = None,
-    z_line: Annotated[
-        list[str] | None, typer.Option(help="The same, plumb: from below to above.", metavar="POINTS")
-    ] = None,
+    z_line: Annotated[list[str] | None, typer.Option(help="The same, plumb: upwards.", metavar="POINTS")] = None,
     point: Annotated[
         list[str] | None,
         typer.Option(
@@ -115,7 +113,7 @@ def view(
     for path, suffix, option in ((picture, ".png", "--picture"), (fspy, ".fspy", "--fspy")):
         if path is not None:
             if path.suffix.lower() != suffix:
-                raise InputError(f"{option} {path}: a {suffix} file is written")
+                raise InputError(f"{option} {path}: must be a {suffix} file")
             check_writable(path)
     if write is not None:
         check_writable(write)
@@ -123,7 +121,7 @@ def view(
         raise InputError("--match and --scene go together: the scene's panorama and surfaces say where the points are")
     project = read_fspy(photo) if photo.suffix.lower() == ".fspy" else None
     if project is not None and not project.image:
-        raise InputError(f"{photo}: this project of fSpy holds no photograph")
+        raise InputError(f"{photo}: this fSpy project holds no photograph")
     image = read_picture(photo, project.image if project is not None else None)
     size = image.pixels.shape[1], image.pixels.shape[0]
     begun = fspy_cues(project, size) if project is not None else ViewCues(size)
@@ -197,7 +195,7 @@ def _matches(texts: list[str], scene: Path, size: tuple[int, int]) -> list[Point
         spot = find_spot(loaded.panorama, loaded.real, read_clicks(there, (height, width), name, 1)[0])
         if spot is None:
             raise InputError(
-                f"{name}: {there} shows no real surface of {scene}: model it, or give --point with its place"
+                f"{name}: {there} shows no real surface of {scene}: model it, or give --point with its position"
             )
         points.append(Point(name, click, spot.point))
     return points
@@ -236,7 +234,7 @@ def _free_or_pair(text: str, option: str, size: tuple[int, int] | None) -> tuple
     except ValueError:
         raise InputError(f"{option} {text}: two numbers k1,k2 are needed, or none, or free") from None
     if not (abs(first) < 3.0 and abs(second) < 3.0):
-        raise InputError(f"{option} {text}: coefficients are below 3")
+        raise InputError(f"{option} {text}: coefficients must be between -3 and 3")
     return first, second
 
 

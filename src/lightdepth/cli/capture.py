@@ -116,9 +116,9 @@ def stitch(
         typer.Option(help="feather: most exact; enblend: seams that go round what moved (slow)."),
     ] = "feather",
     uncovered: Annotated[
-        Literal["fill", "mark", "black"], typer.Option(help="What is done about directions without a photograph.")
+        Literal["fill", "mark", "black"], typer.Option(help="What becomes of directions without a photograph.")
     ] = "fill",
-    gains: Annotated[bool, typer.Option(help="Make up for differences of exposure between the images.")] = True,
+    gains: Annotated[bool, typer.Option(help="Compensate for differences of exposure between the images.")] = True,
     dual: Annotated[
         bool, typer.Option("--dual", help="One picture (or bracket) of two fisheye circles side by side.")
     ] = False,

@@ -104,7 +104,7 @@ def _rate(text: str | None, stated: Fraction | None, frames: Path) -> Fraction:
 
     if text is None:
         if stated is None:
-            raise InputError(f"{frames}: the frames do not state their frames per second; give --fps")
+            raise InputError(f"{frames}: the frames do not state their frame rate; give --fps")
         return stated
     try:
         rate = Fraction(text) if "/" in text else exact_rate(float(text))

@@ -21,7 +21,7 @@ LARGEST_ERROR = 0.01
 def doctor(
     device: Annotated[Literal["auto", "cpu", "cuda"], typer.Option(help="Where to render the trial.")] = "auto",
 ) -> None:
-    """Tell what is installed, and render a tiny picture to see that it works.
+    """Report what is installed, and render a tiny test picture.
 
     The exit status is 2 where something that rendering needs is missing, too old or broken.
 

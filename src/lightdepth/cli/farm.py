@@ -135,7 +135,7 @@ def _check_options(options: list[str], scene: Path) -> None:
 
     own = [option for option in options if option.split("=")[0] in OWN]
     if own:
-        raise InputError(f"{own[0]}: is not for farms")
+        raise InputError(f"{own[0]}: cannot be given for a farm")
     alone = typer.Typer(add_completion=False)
     alone.command()(render)
     try:

@@ -28,7 +28,7 @@ def merge(
     output: Annotated[
         Path, typer.Option("-o", "--output", help="The EXR file to write, or a .sums file to merge again.")
     ],
-    scene: Annotated[Path | None, typer.Option(help="The scene file, where it lies elsewhere by now.")] = None,
+    scene: Annotated[Path | None, typer.Option(help="The scene file, if it has moved.")] = None,
     device: Device = "auto",
     denoise: Denoise = False,
     exposure: Exposure = 0.0,
@@ -43,9 +43,9 @@ def merge(
     repair: Repair = False,
     progress: Progress = "none",
 ) -> None:
-    """Merge the parts of a still that `lightdepth render --share` has computed.
+    """Merge the shares of a still that `lightdepth render --share` has computed.
 
-    The picture is that of one process. All parts must be of the same scene, camera, seed and number of samples.
+    The picture is that of one process. All shares must be of the same scene, camera, seed and number of samples.
 
     Example: lightdepth merge part1.sums part2.sums -o view.exr
     """
@@ -67,10 +67,10 @@ def merge(
         return
     if not sums.complete:
         raise InputError(
-            f"{', '.join(map(str, parts))}: the picture is not complete, missing is {', '.join(sums.missing)}"
+            f"{', '.join(map(str, parts))}: the picture is not complete; missing: {', '.join(sums.missing)}"
         )
     if scene is None and not sums.origin.path:
-        raise InputError(f"{parts[0]}: does not say of which scene file it is; give it with --scene")
+        raise InputError(f"{parts[0]}: does not state its scene file; give it with --scene")
     origin = sums.origin
     with Interruption() as interruption:
         try:

@@ -76,7 +76,7 @@ def mirror_ball(
         int | None, typer.Option(min=64, help="Width of the panorama; by default as fine as the photographs.")
     ] = None,
     uncovered: Annotated[
-        Literal["fill", "mark", "black"], typer.Option(help="What is done about directions without a photograph.")
+        Literal["fill", "mark", "black"], typer.Option(help="What becomes of directions without a photograph.")
     ] = "fill",
     grey_circle: Annotated[
         str | None, typer.Option(help="Outline x,y,r of a grey ball in the first photograph: solves clipped sources.")
@@ -130,7 +130,7 @@ def mirror_ball(
     if write is not None:
         check_writable(write)
         if grey_circle is None:
-            raise InputError("--write is for clipped sources, which --grey-circle solves")
+            raise InputError("--write is for clipped sources, which --grey-circle recovers: give it as well")
     if width is not None and width % 2:
         raise InputError(f"--width is {width}; a panorama is twice as wide as high, so it must be even")
     reflects = parse_reflectance(reflectance or f"{CHROMIUM}", "--reflectance")

@@ -66,7 +66,7 @@ def new(
         raise InputError(f"-o {scene}: '{scene.suffix}' is not allowed; a scene file ends in .toml")
     if scene.exists():
         raise InputError(
-            f"-o {scene}: is there already; `new` begins a scene file and replaces none. Give another name"
+            f"-o {scene}: exists already; `new` starts a scene file and never replaces one. Give another name"
         )
     check_writable(scene)
     image = read_panorama(panorama)

@@ -74,7 +74,7 @@ def layout(
     ] = None,
     ceiling: Annotated[float | None, typer.Option(min=0.01, help="Height above the floor, metres.")] = None,
     ceiling_corner: Annotated[
-        str | None, typer.Option(metavar="X,Y", help="Or one clicked ceiling corner, plumb above a floor corner.")
+        str | None, typer.Option(metavar="X,Y", help="Or one clicked ceiling corner, vertically above a floor corner.")
     ] = None,
     box: Annotated[
         list[str] | None,
@@ -235,7 +235,7 @@ def from_depth(
     from lightdepth.reconstruction.result import closed
 
     if inverse and kind not in (None, "disparity"):
-        raise InputError(f"--inverse says that the depth is disparity, --kind {kind} says something else")
+        raise InputError(f"--inverse means --kind disparity, which contradicts --kind {kind}")
     kind = "disparity" if inverse else kind
     if estimated:
         _check_estimated(kind, scale, no_floor)

@@ -48,7 +48,7 @@ def render(
         str | None, typer.Option(help=r"Frames of the scene's \[sequence] to render, as 1-240 or 7,10-20.")
     ] = None,
     step: Annotated[int, typer.Option(min=1, help="Render only every N-th of --frames.")] = 1,
-    force: Annotated[bool, typer.Option("--force", help="Render also the --frames that are there.")] = False,
+    force: Annotated[bool, typer.Option("--force", help="Render the --frames again that are up to date, too.")] = False,
     verify: Annotated[
         bool, typer.Option("--verify", help="Only report which --frames are missing or outdated.")
     ] = False,
@@ -80,16 +80,18 @@ def render(
     ] = False,
     repair: Repair = False,
     progress: Progress = "bar",
-    region: Annotated[str | None, typer.Option(help="Finish this part first: left,top,right,bottom in pixels.")] = None,
+    region: Annotated[
+        str | None, typer.Option(help="Finish this region first: left,top,right,bottom in pixels.")
+    ] = None,
     share: Annotated[
-        str | None, typer.Option(help="Do a part of the work, as 2/4; writes sums for `lightdepth merge`.")
+        str | None, typer.Option(help="Render one share of the samples, as 2/4; writes sums for `lightdepth merge`.")
     ] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint beside the output.")] = False,
     checkpoint_seconds: Annotated[
         float | None, typer.Option(min=0.0, help="Seconds between two checkpoints; 30 by default.")
     ] = None,
     preview_seconds: Annotated[
-        float | None, typer.Option(min=0.1, help="Seconds between two writings of the unfinished picture.")
+        float | None, typer.Option(min=0.1, help="Seconds after which the unfinished picture is written again.")
     ] = None,
 ) -> None:
     """Render new objects into the photographed place.
@@ -125,7 +127,7 @@ def render(
             "--checkpoint-seconds": checkpoint_seconds is not None,
         }
         if given := [option for option, used in still.items() if used]:
-            raise InputError(f"{', '.join(given)}: for a still, not with --frames")
+            raise InputError(f"{', '.join(given)}: only for a still, not with --frames")
         job = Job(camera, samples, noise, method, seed, draft, denoise, cache=not no_cache)
         shot = Shot(
             scene,
@@ -150,7 +152,7 @@ def render(
     if force or verify or step != 1 or steady is not None:
         raise InputError("--force, --verify, --step and --steady go with --frames")
     if output is not None and "#" in output.name:
-        raise InputError(f"-o {output}: numbered files are for a sequence; say which --frames")
+        raise InputError(f"-o {output}: numbered files are for a sequence; give --frames")
     with Interruption() as interruption:
         try:
             loaded = load_scene(scene, repair)

@@ -36,7 +36,7 @@ DIGITS = 4
 WORDS = {
     "missing": "missing",
     "outdated": "made from another scene, other settings or files, or by another version",
-    "damaged": "not whole",
+    "damaged": "incomplete or damaged",
     "current": "as they would be rendered now",
 }
 

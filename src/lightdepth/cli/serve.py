@@ -12,7 +12,7 @@ from lightdepth.cli.options import Device
 
 
 def serve(
-    stdio: Annotated[bool, typer.Option("--stdio", help="Talk by standard input and output.")] = False,
+    stdio: Annotated[bool, typer.Option("--stdio", help="Communicate by standard input and output.")] = False,
     device: Device = "auto",
 ) -> None:
     """Render requests that come as JSON, one a line, and answer with events; see docs/session.md.
@@ -24,7 +24,7 @@ def serve(
     from lightdepth.session.events import Failure
 
     if not stdio:
-        raise InputError("say how to talk: --stdio is the only way so far")
+        raise InputError("give --stdio, the only kind of connection so far")
     # The protocol has a descriptor of its own: whatever else prints goes to standard error.
     with os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8") as answers:
         os.dup2(2, 1)

@@ -24,7 +24,7 @@ def where(
     ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the report as JSON.")] = False,
 ) -> None:
-    r"""Tell what surface pixels of the panorama show, and where it is in the world.
+    r"""Report what surface pixels of the panorama show, and where it is in the world.
 
     For each point: the real surface, the place in metres, its normal, its distance from the capture point, the
     irradiance there (what of it comes from places that the panorama shows) and the albedo that follows.

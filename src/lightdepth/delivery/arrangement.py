@@ -52,8 +52,8 @@ def _dome(frames: Frames) -> Arrangement:
     _check(frames, "dome-master", ("fisheye", "dome_master"), (1, 1))
     if frames.camera.get("mapping", "equidistant") != "equidistant":
         raise InputError(
-            f"{frames.first}: its fisheye is {frames.camera['mapping']}; a dome master is equidistant: set mapping = "
-            '"equidistant" in the camera'
+            f"{frames.first}: its fisheye mapping is {frames.camera['mapping']}; a dome master is equidistant: set "
+            'mapping = "equidistant" in the camera'
         )
     return _as_it_is(frames)
 
@@ -125,11 +125,11 @@ def _check(frames: Frames, kind: Kind, cameras: tuple[str, ...], proportions: tu
     camera = frames.camera.get("type")
     if camera is not None and camera not in cameras:
         raise InputError(
-            f"{frames.first}: is of a camera of the type '{camera}'; --as {kind} needs {' or '.join(map(repr, cameras))}"
+            f"{frames.first}: is from a camera of type '{camera}'; --as {kind} needs {' or '.join(map(repr, cameras))}"
         )
     width, height = frames.size
     if width * proportions[1] != height * proportions[0]:
         raise InputError(
-            f"{frames.first}: has {width} x {height} pixels; --as {kind} needs proportions of {proportions[0]} to "
+            f"{frames.first}: has {width} x {height} pixels; --as {kind} needs an aspect ratio of {proportions[0]} to "
             f"{proportions[1]}"
         )

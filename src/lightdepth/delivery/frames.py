@@ -97,7 +97,7 @@ def find_frames(pattern: Path, numbers: str | None = None, step: int = 1) -> Fra
     for file in files.values():
         with ExrReader(file) as reader:
             if not reader.is_whole():
-                raise InputError(f"{file}: is not whole; render it again")
+                raise InputError(f"{file}: is incomplete; render it again")
             found = Frames(files, reader.headers[0])
         if first is None:
             first = found

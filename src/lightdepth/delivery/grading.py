@@ -53,7 +53,9 @@ class Grade:
                 raise InputError(f"--display '{display}': needs 10 bits; use the codec hevc, av1 or prores")
             return REC2100_PQ
         if any(name in display for name in ("P3", "HLG", "2020", "DCI", "XYZ")):
-            raise InputError(f"--display '{display}': not for video; choose an sRGB, Rec.709 or Rec.2100-PQ display")
+            raise InputError(
+                f"--display '{display}': is not a display for video; choose an sRGB, Rec.709 or Rec.2100-PQ display"
+            )
         return REC709
 
 

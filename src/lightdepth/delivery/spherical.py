@@ -79,7 +79,7 @@ def mark_spherical(source: Path, target: Path, sphere: Sphere, software: str) ->
         boxes = list(_top_boxes(reading, size, source))
         movie = next((box for box in boxes if box.kind == b"moov"), None)
         if movie is None:
-            raise InputError(f"{source}: is no MP4 or QuickTime video: it has no box 'moov'")
+            raise InputError(f"{source}: is not an MP4 or QuickTime video: it has no box 'moov'")
         reading.seek(movie.start)
         header = bytearray(reading.read(movie.end - movie.start))
         _insert(header, spherical_boxes(sphere, software), source)
@@ -131,7 +131,7 @@ def _parsed(head: bytes, start: int, limit: int, path: Path) -> _Box:
     elif length == 0:
         length = limit - start
     if length < content - start or start + length > limit:
-        raise InputError(f"{path}: is no whole MP4 or QuickTime video")
+        raise InputError(f"{path}: is not a complete MP4 or QuickTime video")
     return _Box(kind, start, content, start + length)
 
 
@@ -169,7 +169,7 @@ def _trail(movie: bytearray, track: _Box, path: Path) -> list[_Box] | None:
 def _child(movie: bytearray, parent: _Box, kind: bytes, path: Path) -> _Box:
     found = next((box for box in _boxes(movie, parent.content, parent.end, path) if box.kind == kind), None)
     if found is None:
-        raise InputError(f"{path}: is no whole video: '{kind.decode()}' is missing")
+        raise InputError(f"{path}: is not a complete video: the box '{kind.decode()}' is missing")
     return found
 
 

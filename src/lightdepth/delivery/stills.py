@@ -48,7 +48,7 @@ def write_stills(
         raise InputError(f"-o {target}: '{target.suffix}' is not allowed; stills are {', '.join(SUFFIXES)}")
     if len(frames.files) > 1 and not is_pattern(target.name):
         raise InputError(
-            f"-o {target}: of several frames, the name must have {MARK} for the digits of their numbers in one place"
+            f"-o {target}: for several frames, the name must have {MARK} for the digits of their numbers, in one place"
         )
     if target.suffix.lower() != ".png" and max(arranged.size) > _MOST_JPEG:
         raise InputError(f"-o {target}: a JPEG has at most {_MOST_JPEG} pixels along a side; write a .png")

@@ -97,7 +97,7 @@ def _connected(distributed: Any, scheduler: str) -> Any:
 def _look_at_workers(client: Any) -> None:
     workers = client.scheduler_info(n_workers=-1)["workers"]
     if not workers:
-        warn("the Dask scheduler has no workers yet; the frames wait for some")
+        warn("the Dask scheduler has no workers yet; the frames wait until there are some")
     if most := max((worker["nthreads"] for worker in workers.values()), default=1) - 1:
         warn(
             f"a Dask worker has {most + 1} threads and renders as many chunks at a time, each on all cores of its machine; "

@@ -46,7 +46,7 @@ def write_bundle(folder: Path, shot: Shot) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
+        raise InputError(f"{folder}: cannot be created ({error.strerror})") from error
     for name, content in contents.items():
         with whole_file(folder / name) as temporary:
             temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")

@@ -41,7 +41,7 @@ AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo", "photograph", "
 """Those that take time of their own, see ``lightdepth.film.auxiliary``."""
 FILE_NAMES = {"normal": "N"}
 """Names of layers in the file that are not the layer's own, but the ones that compositing programs know."""
-FILE_LAYOUT = 2
+FILE_LAYOUT = 3
 """Counts the changes of what a file holds; part of the fingerprint of frames."""
 Structure = Literal["multipart", "single"]
 ROWS_AT_ONCE = 128
@@ -63,8 +63,8 @@ def write_frame(
     """Write a frame as OpenEXR: the finished image as ``R G B A``, and each layer with channels ``layer.X``.
 
     ``A`` is 1 inside the camera's image; ``coverage`` holds the new objects' coverage. A full panorama is marked
-    ``envmap = latlong``. The first part says how the frame was made; see :mod:`lightdepth.film.header`. Views and faces
-    that are to be files of their own are written first, see :func:`part_path`.
+    ``envmap = latlong``. The first part says how the frame was made; ``docs/picture-file.md`` lists all layers and
+    attributes. Views and faces that are to be files of their own are written first, see :func:`part_path`.
 
     Args:
         path: where to write; the file appears whole or not at all.

@@ -102,7 +102,7 @@ class Rendering:
                 )
             else:
                 self.plate, self.alpha = self._own.radiance.copy(), np.ones(self._own.radiance.shape[:2], np.float32)
-            self.pixels = influenced_pixels(view, prepared)
+            self.pixels = influenced_pixels(view, prepared, self._parameters.selection_tile)
             self._list = PixelList(view, self.pixels)
             plate = (self.plate if self._own is None else self._own.scaled).reshape(-1, 3)
             light_tracer = prepared.integrator.light_tracer
@@ -144,7 +144,7 @@ class Rendering:
         target = Target(samples, noise, region)
         if noise is not None and self.share.count > 1:
             raise InputError(
-                f"share {self.share}: how many samples a wanted noise takes depends on all shares; give samples alone"
+                f"share {self.share}: the samples that `noise` takes depend on all shares; give samples alone"
             )
         return self._run(target)
 
@@ -245,7 +245,9 @@ class Rendering:
             picture = None if self._own is None else self._own.scaled
             seen = render_auxiliary(self._view, self._prepared, names, frame.coverage, self._parameters, picture)
             frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
-            frame.photograph = None if self._own is not None else render_shares(self._view, self._prepared.place)
+            frame.photograph = (
+                None if self._own is not None else render_shares(self._view, self._prepared.place, self._parameters)
+            )
             owners = [index for index, _ in self._prepared.shapes]
             frame.object_id = seen.mattes.dominant(frame.coverage.size, owners).reshape(frame.coverage.shape)
         if finish:
@@ -325,7 +327,7 @@ class Rendering:
 
     def _must_be_this(self, difference: str | None) -> None:
         if difference is not None:
-            raise InputError(f"what was computed before is of another picture: it is of {difference}")
+            raise InputError(f"the samples so far are of another picture: {difference}")
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         """All that this rendering's future depends on: plain values, and arrays by name. See :meth:`restore`.
@@ -401,7 +403,7 @@ class Rendering:
         if self.errors.shared.spent:
             facts |= {
                 "light_list_error": f"{self.errors.light_list():.5f}",
-                "cache_error": f"{self.errors.shared.cache:.5f}",
+                "radiance_cache_error": f"{self.errors.shared.cache:.5f}",
             }
         if self._scene.render.clamp_indirect is not None:
             facts["clamp_indirect"] = str(self._scene.render.clamp_indirect)

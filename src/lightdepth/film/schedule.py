@@ -38,7 +38,7 @@ class Target:
         if self.region is not None:
             left, top, right, bottom = self.region
             if not (0 <= left < right and 0 <= top < bottom):
-                raise InputError(f"region = {self.region}: it is left, top, right, bottom, in pixels, and not empty")
+                raise InputError(f"region = {self.region}: must be left, top, right, bottom in pixels, and not empty")
 
 
 @dataclass

@@ -50,7 +50,7 @@ class Share:
 
     def __post_init__(self) -> None:
         if not 0 <= self.index < self.count:
-            raise InputError(f"share {self.index + 1}/{self.count}: the first number is from 1 to the second one")
+            raise InputError(f"share {self.index + 1}/{self.count}: the first number must be from 1 to the second")
 
     @classmethod
     def parse(cls, text: str) -> Share:
@@ -258,14 +258,14 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
     """
     called = list(names) if names is not None else [f"part {i + 1}" for i in range(len(parts))]
     if not parts:
-        raise InputError("there are no parts to merge")
+        raise InputError("no parts to merge were given")
     groups: dict[tuple[int, ...], list[tuple[PixelSums, str]]] = {}
     for part, name in zip(parts, called, strict=True):
         different = parts[0].origin.difference(part.origin)
         if different is None and part.of != parts[0].of:
-            different = f"another division ({part.of} and {parts[0].of} parts)"
+            different = f"another division ({part.of} and {parts[0].of} shares)"
         if different is not None:
-            raise InputError(f"{name}: does not belong to {called[0]}: it is of {different}")
+            raise InputError(f"{name}: does not belong to {called[0]}: it has {different}")
         for other, its in (member for group in groups.values() for member in group):
             _must_be_apart(part, name, other, its)
         groups.setdefault(part.shares, []).append((part, name))
@@ -273,7 +273,7 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
     for theirs, name in others:
         if theirs != regions:
             raise InputError(
-                f"{name}: does not belong to {first}: it is of other regions "
+                f"{name}: does not belong to {first}: it has other regions "
                 f"({_all_written(theirs)} and {_all_written(regions)})"
             )
     pixels = np.unique(np.concatenate([part.pixels for part in parts])).astype(np.uint32)
@@ -312,10 +312,10 @@ def _must_be_apart(part: PixelSums, name: str, other: PixelSums, its: str) -> No
         return
     if region is None:
         raise InputError(
-            f"{name}: holds other parts ({_parts(part)}) than {its} ({_parts(other)}), and of other regions"
+            f"{name}: holds other shares ({_parts(part)}) than {its} ({_parts(other)}), and of other regions"
         )
     where = "" if region == film else f" of the region {_written(region)}"
-    raise InputError(f"{name}: holds the part {share + 1}/{part.of}{where}, which is in {its} as well")
+    raise InputError(f"{name}: holds share {share + 1}/{part.of}{where}, which is in {its} as well")
 
 
 def _regions_of(group: Sequence[tuple[PixelSums, str]]) -> tuple[tuple[Region, ...], str]:

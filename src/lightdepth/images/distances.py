@@ -87,11 +87,11 @@ def read_estimate(path: Path, channel: str | None = None) -> FloatArray:
     values[values <= -FARTHEST] = np.nan
     known = values[np.isfinite(values)]
     if not known.size:
-        raise InputError(f"{path}: no pixel holds a finite number")
+        raise InputError(f"{path}: no pixel holds a finite value")
     if known.min() == known.max():
         raise InputError(
-            f"{path}: holds the same value, {known.min():g}, everywhere; this is no depth of a place. Was the picture "
-            "exported with the wrong range or channel?"
+            f"{path}: holds the same value, {known.min():g}, everywhere; that cannot be the depth of a place. Was the "
+            "picture exported with the wrong range or channel?"
         )
     return values
 
@@ -270,7 +270,7 @@ def _from_png(path: Path) -> np.ndarray:
     colours = values[:, :, : channels - 1 if channels in (2, 4) else channels]
     if values.dtype not in (np.uint8, np.uint16) or (colours != colours[:, :, :1]).any():
         raise InputError(
-            f"{path}: has {channels} channels of {bits} bit that differ; depth is one number a pixel. A picture in false "
+            f"{path}: has {channels} channels of {bits} bit that differ; depth has one value per pixel. A picture in false "
             "colours is for looking at only: export the depth in grey, 16 bit, or as a NumPy array"
         )
     return values[:, :, 0]

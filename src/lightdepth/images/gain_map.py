@@ -102,7 +102,7 @@ def _gain_map(recovery: NDArray[np.float32], xmp: bytes) -> GainMap:
     values = {name: _numbers(xmp, name, default) for name, default in _DEFAULTS.items()}
     low, high, gamma, offset_sdr, offset_hdr = values.values()
     if not (np.isfinite(list(values.values())).all() and (gamma > 0.0).all() and (np.abs([low, high]) < 32.0).all()):
-        raise ValueError("its numbers make no sense")
+        raise ValueError("its values make no sense")
     return GainMap(recovery, low, high, gamma, offset_sdr, offset_hdr)
 
 
@@ -117,5 +117,5 @@ def _numbers(xmp: bytes, name: str, default: float) -> FloatArray:
     else:
         return np.full(3, default)
     if len(texts) not in (1, 3):
-        raise ValueError("its numbers make no sense")
+        raise ValueError("its values make no sense")
     return np.broadcast_to(np.array([float(text) for text in texts]), 3).copy()

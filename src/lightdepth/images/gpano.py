@@ -91,7 +91,7 @@ def _numbers(found: dict[str, str], what: str) -> dict[str, float]:
         except ValueError:
             raise InputError(f"{what}: GPano:{name} in its metadata is '{text}', which is not a number") from None
     if not np.isfinite(list(numbers.values())).all():
-        raise InputError(f"{what}: its metadata (GPano) holds numbers that are not finite")
+        raise InputError(f"{what}: its metadata (GPano) holds values that are not finite")
     return numbers
 
 

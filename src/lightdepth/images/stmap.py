@@ -51,5 +51,5 @@ def read_stmap(path: Path) -> NDArray[np.float64]:
     if red.dtype != np.float32 or green.dtype != np.float32:
         raise InputError(f"{path}: holds 16 bits a channel, too coarse for an ST map; save it with 32 bits (float)")
     if not (np.isfinite(red).all() and np.isfinite(green).all()):
-        raise InputError(f"{path}: holds numbers that are not finite")
+        raise InputError(f"{path}: holds values that are not finite")
     return np.stack([red, 1.0 - green.astype(np.float64)], axis=-1).astype(np.float64)

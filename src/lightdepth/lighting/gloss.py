@@ -86,7 +86,7 @@ def _chosen(scene: Scene, names: Sequence[str]) -> list[int]:
         if surface.mesh.rest is not None and names:
             raise InputError(f"{place}: '{surface.name}' has rest positions; it does not lie where it was photographed")
         if surface.opening:
-            raise InputError(f"{place}: '{surface.name}' is an opening; what it shows stands behind it")
+            raise InputError(f"{place}: '{surface.name}' is an opening; what it shows lies behind it")
     return [index for index in chosen if scene.real[index].mesh.rest is None]
 
 

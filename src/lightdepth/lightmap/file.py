@@ -14,12 +14,15 @@ from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.images.validation import validate_panorama
 
 POSE = "worldToCamera"
-"""Standard OpenEXR attribute. The matrix multiplies row vectors from the left: (p_world, 1) M = (p_light, 1)."""
+"""Standard OpenEXR attribute. The matrix multiplies row vectors, ``(p, 1) M``, and leads from world to the standard's
+camera space: x right, y up, z forward. As that is left-handed and the world right-handed, its determinant is -1."""
+_CAMERA_AXES = [0, 2, 1]
+"""Axes of light space (x right, y forward, z up) in the order of the standard's camera space."""
 
 
 @dataclass(frozen=True)
 class LightDepthMap:
-    """A panorama whose every pixel is a place: ``p_world = position + rotation @ (depth * direction)``.
+    """A panorama of which every pixel is a point: ``p_world = position + rotation @ (depth * direction)``.
 
     Attributes:
         radiance: linear Rec.709, shape (height, 2 height, 3), float32.
@@ -41,8 +44,8 @@ def write_light_depth_map(path: Path, light_depth_map: LightDepthMap) -> None:
         InputError: the file cannot be written.
     """
     pose = np.eye(4, dtype=np.float32)
-    pose[:3, :3] = light_depth_map.rotation
-    pose[3, :3] = -light_depth_map.position @ light_depth_map.rotation
+    axes = light_depth_map.rotation[:, _CAMERA_AXES]
+    pose[:3, :3], pose[3, :3] = axes, -light_depth_map.position @ axes
     channels = {"RGB": light_depth_map.radiance, "Z": light_depth_map.depth}
     write_exr(path, [ExrPart(channels, "", {"envmap": "latlong", POSE: pose})])
 
@@ -83,15 +86,19 @@ def _check_depth(depth: NDArray[np.float32], path: Path) -> None:
 
 def _pose(matrix: NDArray[np.float64], path: Path) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Capture point and rotation (light space to world) of a ``worldToCamera`` matrix."""
-    rotation = matrix[:3, :3]
+    rotation = matrix[:3, _CAMERA_AXES]
     rigid = (
         np.isfinite(matrix).all()
         and np.allclose(matrix[:, 3], [0, 0, 0, 1], atol=1e-6)
         and np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-4)
-        and np.linalg.det(rotation) > 0.0
     )
     if not rigid:
         raise InputError(f"{path}: {POSE} in its header is not a rotation and a translation: {matrix.tolist()}")
+    if np.linalg.det(rotation) < 0.0:
+        raise InputError(
+            f"{path}: {POSE} in its header leads to a right-handed camera space; OpenEXR's is left-handed (x right, y up, "
+            "z forward). Earlier versions of lightdepth wrote the other one: write the map again with `lightdepth lightmap`"
+        )
     u, _, v = np.linalg.svd(rotation)  # The nearest exact rotation: the file holds single precision.
     rotation = u @ v
-    return -rotation @ matrix[3, :3], rotation
+    return -rotation @ matrix[3, _CAMERA_AXES], rotation

@@ -100,7 +100,7 @@ def prepare_place(
     # What is deformed took its colour, and the light that goes with it, where it was when it was photographed.
     photographed = replace(modelled, vertices=modelled.rest)
     traced = TracedSurfaces(photographed)
-    balance = solve_gains(scene.panoramas, traced, scene.render.parameters.balance)
+    balance = solve_gains(scene.panoramas, traced, scene.render.parameters.balance, scene.render.parameters.place)
     if balance.problem is not None:
         raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
     suns = masked_suns(scene)

@@ -74,7 +74,7 @@ def with_cameras_of_files(
 
 def _posed(table: Mapping[str, Any], context: Mapping[str, Any]) -> dict[str, Any]:
     if twice := [key for key in GIVEN if key in table]:
-        raise InputError(f"{' and '.join(twice)}: the file says where the camera is and how it is turned")
+        raise InputError(f"{' and '.join(twice)}: the camera file gives the position and rotation already")
     own = {key: value for key, value in table.items() if key in CameraFileTable.model_fields}
     wanted = TypeAdapter(CameraFileTable).validate_python(own, context=dict(context))
     shown = wanted.animation

@@ -390,7 +390,7 @@ def _to_world(
         key = "at" if table.at is not None else "at_angles"
         raise InputError(
             f"{key}: shows no real surface but {'sky' if panorama.sky or panorama.depth is not None else 'a hole'}; "
-            "take a pixel of the floor or of a table (`lightdepth where` tells what a pixel shows)"
+            "take a pixel of the floor or of a table (`lightdepth where` reports what a pixel shows)"
         )
     return standing_placement(spot, bodies, to_world[:3, :3], table.stand, table.align)
 
@@ -415,7 +415,7 @@ def _placed(mesh: Mesh, to_world: NDArray[np.float64], path: Path) -> Mesh:
 def _part(part: MeshPart, to_world: NDArray[np.float64], table: MeshObject) -> SyntheticPart:
     material = table.material
     if part.mesh.texture_coordinates is None and any(isinstance(value, Texture) for _, value in material or ()):
-        raise InputError("the material has an image, but the mesh has no texture coordinates to lay it by")
+        raise InputError("the material has an image, but the mesh has no texture coordinates to map it by")
     return SyntheticPart(_placed(part.mesh, to_world, table.mesh), material or part.material or Principled())
 
 

@@ -297,7 +297,7 @@ def _make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder}: cannot be made ({error.strerror})") from error
+        raise InputError(f"{folder}: cannot be created ({error.strerror})") from error
 
 
 def _remove_unfinished(file: Path, age: float) -> None:

@@ -37,7 +37,7 @@ class SteadyRendering(SequenceRendering):
         self, frames: SceneFrames, wanted: SequenceJob, reach: int, device: Device, report: Callable[[Event], None]
     ) -> None:
         if wanted.job.draft:
-            raise InputError("--steady: not with --draft, which has no depth to find surfaces again by")
+            raise InputError("--steady: not with --draft, which renders no depth to find surfaces by")
         super().__init__(frames, wanted, device, report)
         self._samples = SampledFrames(frames, wanted, reach, device, self._of_samples)
         self._at: int | None = None
@@ -70,7 +70,7 @@ class SteadyRendering(SequenceRendering):
         before = (self._samples.sampled(each) for each in reversed(around) if each < number)
         after = (self._samples.sampled(each) for each in around if each > number)
         frame = reuse(self._samples.frame(number), self._samples.sampled(number), (before, after))
-        frame.metadata["sharing"] = str(len(around))
+        frame.metadata["steady_frames"] = str(len(around))
         if self._wanted.job.denoise:
             from lightdepth.film.denoising import denoise
 

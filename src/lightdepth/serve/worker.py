@@ -145,7 +145,7 @@ class Worker:
             checked = RenderRequest.model_validate(request)
             with self._lock:
                 if name in self._pending:
-                    raise InputError(f"request '{name}': there is one of this id already")
+                    raise InputError(f"request '{name}': this id is already in use")
                 self._pending.add(name)
             self._waiting.put(checked)
         except ValidationError as error:
@@ -301,6 +301,6 @@ def _greet(request: dict[str, Any] | None) -> None:
         raise InputError(f'the first request must be {{"request": "hello", "schema": {SCHEMA}}}')
     if request.get("schema") != SCHEMA:
         raise InputError(
-            f"the other side speaks version {request.get('schema')} of the protocol, this lightdepth version {SCHEMA}; "
+            f"the client uses version {request.get('schema')} of the protocol, this lightdepth version {SCHEMA}; "
             "use the same version of both"
         )

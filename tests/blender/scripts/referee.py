@@ -330,7 +330,7 @@ def image_into_group(s):
     board(made)
 
 
-@scene(missing="volume is not carried")
+@scene(missing="volume is not supported")
 def volume_only(s):
     made, one = shader("BsdfDiffuse")
     made.node_tree.nodes.remove(one)

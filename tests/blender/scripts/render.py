@@ -36,7 +36,7 @@ def principled(item):
 colour = principled(ball).inputs["Base Color"]
 bpy.ops.mesh.primitive_plane_add(size=0.4, location=(-0.6, 1.6, 0.9), rotation=(1.5708, 0.0, 0.0))
 shader = principled(bpy.context.object)
-shader.inputs["Sheen Weight"].default_value = 0.5  # not carried
+shader.inputs["Sheen Weight"].default_value = 0.5  # not supported
 shader.inputs["Base Color"].default_value = (0.0, 0.0, 0.0, 1.0)
 shader.inputs["Emission Color"].default_value = (1.0, 1.0, 1.0, 1.0)
 glow = shader.inputs["Emission Strength"]

@@ -93,7 +93,7 @@ def eight_bit(content: bytes, mode: Mode) -> NDArray[np.uint8]:
             image: Image.Image = Image.open(io.BytesIO(content))
             image.load()
     except UnidentifiedImageError as error:
-        raise ValueError("it is no image, or of a kind that is not supported; save it as .png or .jpg") from error
+        raise ValueError("it is not an image, or of a kind that is not supported; save it as .png or .jpg") from error
     except Image.DecompressionBombError as error:
         raise ValueError(f"it has more than {2 * (Image.MAX_IMAGE_PIXELS or 0)} pixels") from error
     except MemoryError:
@@ -101,7 +101,7 @@ def eight_bit(content: bytes, mode: Mode) -> NDArray[np.uint8]:
     except Exception as error:  # Pillow's decoders raise whatever they meet.
         raise ValueError("it is damaged or cut off") from error
     if image.mode == "F":
-        raise ValueError("numbers of 32 bits are not supported here; save it with 8 or 16 bits, or as .exr")
+        raise ValueError("32-bit values are not supported here; save it with 8 or 16 bits, or as .exr")
     if image.mode.startswith("I"):  # Pillow by itself would clip 16-bit grey values at 255.
         image = Image.fromarray((np.clip(np.asarray(image), 0, 65535) // 257).astype(np.uint8))
     return np.asarray(image.convert(mode))

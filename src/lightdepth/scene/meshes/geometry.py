@@ -177,7 +177,9 @@ def checked(mesh: Mesh, keep_flat: bool = False) -> Mesh:
     outside = (mesh.faces < 0) | (mesh.faces >= len(mesh.vertices))
     if outside.any():
         face = int(outside.any(axis=1).argmax())
-        raise ValueError(f"face {face} names vertices {mesh.faces[face].tolist()}, but there are {len(mesh.vertices)}")
+        raise ValueError(
+            f"face {face} refers to vertices {mesh.faces[face].tolist()}, but there are {len(mesh.vertices)}"
+        )
     solid = face_areas(mesh.vertices, mesh.faces) > 0.0
     if not solid.any() and not keep_flat:
         raise ValueError(f"all {len(solid)} triangles are degenerate (without area)")

@@ -190,7 +190,7 @@ class GltfReader:
         if with_alpha and values.shape[1] == 4 and (values[:, 3] < 1.0).any():
             self._note("the alpha of its vertex colours is left out")
         if not np.isfinite(values).all():
-            raise InputError(f"{self._file.path}: {primitive.place}: COLOR_0 has numbers that are not finite")
+            raise InputError(f"{self._file.path}: {primitive.place}: COLOR_0 has values that are not finite")
         if (values[:, :3] > 1.0).any():
             self._note(f"vertex colours above 1 are cut off there ({primitive.place})")
         return np.asarray(np.clip(values[:, :3], 0.0, 1.0) * factor, np.float32)

@@ -82,7 +82,7 @@ class GltfAccessors:
         kind, width = np.dtype(_COMPONENTS[accessor.component_type]), _WIDTHS[accessor.type]
         if accessor.type.startswith("MAT") and kind.itemsize < 4:
             raise InputError(
-                f"{self._file.path}: accessor {index} has matrices of small numbers, which is not supported"
+                f"{self._file.path}: accessor {index} has matrices of 8-bit or 16-bit values, which are not supported"
             )
         if accessor.buffer_view is None:
             if accessor.count * width > _LARGEST:
@@ -118,7 +118,7 @@ class GltfAccessors:
         sparse = accessor.sparse
         assert sparse is not None
         if sparse.indices.component_type not in (5121, 5123, 5125):
-            raise InputError(f"{self._file.path}: accessor {index}: its sparse indices are no whole numbers")
+            raise InputError(f"{self._file.path}: accessor {index}: its sparse indices are not integers")
         kind = np.dtype(_COMPONENTS[sparse.indices.component_type])
         where = self._strided(
             index, sparse.indices.buffer_view, sparse.indices.byte_offset, sparse.count, kind, 1

@@ -65,14 +65,14 @@ class GltfFile:
         try:
             document = json.loads(content.decode("utf-8-sig"))
         except UnicodeDecodeError as error:
-            raise InputError(f"{self.path}: not a readable glTF file: it is no UTF-8 text") from error
+            raise InputError(f"{self.path}: not a readable glTF file: it is not UTF-8 text") from error
         except json.JSONDecodeError as error:
             raise InputError(
                 f"{self.path}: not a readable glTF file: no valid JSON at line {error.lineno}, column {error.colno}"
             ) from error
         except (RecursionError, ValueError) as error:
             raise InputError(
-                f"{self.path}: not a readable glTF file: its JSON is nested or its numbers are too deep"
+                f"{self.path}: not a readable glTF file: its JSON is nested too deeply or has numbers that are too long"
             ) from error
         if isinstance(document, dict) and isinstance(document.get("asset"), dict):
             document["asset"]["version"] = str(document["asset"].get("version", "unknown"))[:20]
@@ -112,7 +112,7 @@ class GltfFile:
             InputError: there is none of that number.
         """
         if not 0 <= index < len(entries):
-            raise InputError(f"{self.path}: names {what} {index}, but the file has {len(entries)} of them")
+            raise InputError(f"{self.path}: refers to {what} {index}, but the file has {len(entries)} of them")
         return entries[index]
 
     def buffer(self, index: int) -> bytes:
@@ -177,7 +177,7 @@ class GltfFile:
         if uri.startswith("data:") or Path(uri).suffix.lower() not in READERS:
             return None
         if (file := named_file(self.path.parent, uri)) is None:
-            raise InputError(f"{self.path}: names the file {uri[:100]}, which does not exist in its folder")
+            raise InputError(f"{self.path}: refers to the file {uri[:100]}, which does not exist in its folder")
         return file
 
     def _resource(self, uri: str) -> bytes:
@@ -186,12 +186,12 @@ class GltfFile:
             try:
                 return base64.b64decode(unquote(uri.partition(",")[2]))
             except (binascii.Error, ValueError) as error:
-                raise InputError(f"{self.path}: data in the file itself is no valid base64") from error
+                raise InputError(f"{self.path}: embedded data is not valid base64") from error
         name = unquote(uri)
         for candidate in (name, uri):
             if (file := named_file(self.path.parent, candidate)) is not None:
                 return file.read_bytes()
-        raise InputError(f"{self.path}: names the file {name[:200]}, which does not exist in its folder")
+        raise InputError(f"{self.path}: refers to the file {name[:200]}, which does not exist in its folder")
 
 
 def found_extensions(document: object) -> list[str]:

@@ -26,7 +26,7 @@ def decompressed(data: bytes, how: Compression) -> bytes:
         raise ValueError(f"is compressed with meshopt; {error}") from error
     count, stride = how.count, how.byte_stride
     if count * stride > _LARGEST:
-        raise ValueError(f"says it has {count} elements of {stride} bytes, which is too much")
+        raise ValueError(f"states {count} elements of {stride} bytes, which is too much")
     try:
         if how.mode == "ATTRIBUTES" and stride % 4 == 0:
             decoded = meshopt.decode_vertex_buffer(count, stride, data, dtype=np.dtype(f"V{stride}"))

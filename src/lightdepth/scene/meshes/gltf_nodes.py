@@ -117,7 +117,7 @@ def instance_matrices(file: GltfFile, accessors: GltfAccessors, node: Node) -> N
     named = {name: index for name, index in instancing.attributes.items() if name in defaults}
     counts = {accessors.count(index) for index in instancing.attributes.values()}
     if len(counts) > 1:
-        raise InputError(f"{file.path}: EXT_mesh_gpu_instancing has attributes of different numbers of instances")
+        raise InputError(f"{file.path}: EXT_mesh_gpu_instancing has attributes with different counts of instances")
     if not named:
         return np.tile(np.eye(4), (min(counts, default=1), 1, 1)) if counts else np.eye(4)[None]
     columns = {

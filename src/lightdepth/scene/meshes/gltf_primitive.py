@@ -119,7 +119,7 @@ class GltfPrimitive:
         if outside.any():
             face = int(outside.any(axis=1).argmax())
             raise InputError(
-                f"{self._file.path}: {self.place}: face {face} names vertices {faces[face].tolist()}, but there are "
+                f"{self._file.path}: {self.place}: face {face} refers to vertices {faces[face].tolist()}, but there are "
                 f"{len(positions)}"
             )
         return Decoded(positions, faces, normals)
@@ -145,5 +145,7 @@ class GltfPrimitive:
             middle = np.full(max(len(indices) - 2, 0), indices[0] if len(indices) else 0)
             return np.stack([middle, indices[1:-1], indices[2:]], axis=1) if len(indices) > 2 else np.zeros((0, 3), int)
         if len(indices) % 3:
-            raise InputError(f"{self._file.path}: {self.place}: {len(indices)} indices are no whole triangles")
+            raise InputError(
+                f"{self._file.path}: {self.place}: {len(indices)} indices, which is not a multiple of three"
+            )
         return indices.reshape(-1, 3)

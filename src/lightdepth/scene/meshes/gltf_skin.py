@@ -52,7 +52,9 @@ def _blended(
             raise InputError(f"{file.path}: a mesh with skin {skin} has JOINTS_{number}, but no WEIGHTS_{number}")
         used = joints[weights != 0.0]
         if len(used) and (used.max() >= len(matrices) or used.min() < 0):
-            raise InputError(f"{file.path}: a mesh names joint {used.max()} of skin {skin}, which has {len(matrices)}")
+            raise InputError(
+                f"{file.path}: a mesh refers to joint {used.max()} of skin {skin}, which has {len(matrices)}"
+            )
         for k in range(4):
             weight = weights[:, k]
             safe = np.where(weight != 0.0, joints[:, k], 0)

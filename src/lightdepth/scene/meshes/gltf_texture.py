@@ -102,7 +102,7 @@ class GltfTextures:
         if texture.source is not None:
             sources.append(texture.source)
         if not sources:
-            raise InputError(f"{self._file.path}: texture {index} names no image")
+            raise InputError(f"{self._file.path}: texture {index} has no image")
         return sources
 
     def _codes(self, index: int) -> NDArray[np.uint8]:

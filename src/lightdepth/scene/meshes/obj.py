@@ -162,14 +162,14 @@ class _Content:
         pieces = word.split("/")
         found = [-1, -1, -1]
         if len(pieces) > 3 or not pieces[0]:
-            raise InputError(f"{self.path}: line {number}: {word[:40]!r} is no corner of a face")
+            raise InputError(f"{self.path}: line {number}: {word[:40]!r} is not a corner of a face")
         for which, piece in enumerate(pieces):
             if not piece:
                 continue
             try:
                 index = int(piece)
             except ValueError:
-                raise InputError(f"{self.path}: line {number}: {word[:40]!r} is no corner of a face") from None
+                raise InputError(f"{self.path}: line {number}: {word[:40]!r} is not a corner of a face") from None
             index = index - 1 if index > 0 else counts[which] + index
             if not 0 <= index < 2**31 or piece.lstrip("+-").strip("0") == "":
                 what = ("vertex", "texture coordinate", "normal")[which]
@@ -246,7 +246,7 @@ class _Content:
                 corner = int(beyond.argmax())
                 face = int(np.searchsorted(np.cumsum(self.sizes), self.faces.index(corner), side="right"))
                 raise InputError(
-                    f"{self.path}: line {self.face_lines[face]}: the face names number {corners[corner, which] + 1} "
+                    f"{self.path}: line {self.face_lines[face]}: the face refers to number {corners[corner, which] + 1} "
                     f"of the {what}, but there are {count}"
                 )
 

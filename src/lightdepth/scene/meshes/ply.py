@@ -74,7 +74,7 @@ def read_ply(path: Path, with_materials: bool, note: Note) -> list[MeshPart]:
     if not names:
         return [_part(mesh, faces, None)]
     if faces.corner_uv is None and mesh.texture_coordinates is None:
-        note(f"its texture '{names[0][:80]}' is left out, as there are no texture coordinates to lay it by")
+        note(f"its texture '{names[0][:80]}' is left out, as there are no texture coordinates to map it by")
         return [_part(mesh, faces, None)]
     if faces.texture is None and len(names) > 1:
         note(f"only the first of its {len(names)} textures is used, as the faces do not say which is theirs")
@@ -161,7 +161,7 @@ def _whole(path: Path, values: NDArray[np.generic]) -> NDArray[np.int64]:
     """Indices as whole numbers; some programs write them as floats."""
     whole: NDArray[np.int64] = values.astype(np.float64).astype(np.int64, casting="unsafe")
     if values.dtype.kind == "f" and not np.array_equal(whole.astype(np.float64), values.astype(np.float64)):
-        raise InputError(f"{path}: its faces name vertices by numbers that are not whole")
+        raise InputError(f"{path}: its faces refer to vertices by numbers that are not integers")
     return whole
 
 
@@ -170,7 +170,7 @@ def _check(path: Path, corners: NDArray[np.int64], count: int, what: str) -> Non
     outside = (corners < 0) | (corners >= count)
     if outside.any():
         row = int(outside.reshape(len(corners), -1).any(axis=1).argmax())
-        raise InputError(f"{path}: {what} {row} names vertices {corners[row].tolist()}, but there are {count}")
+        raise InputError(f"{path}: {what} {row} refers to vertices {corners[row].tolist()}, but there are {count}")
 
 
 def _filled(path: Path, file: PlyFile, face: Element, polygons: Lists, with_colors: bool, note: Note) -> _Faces:
@@ -185,7 +185,7 @@ def _filled(path: Path, file: PlyFile, face: Element, polygons: Lists, with_colo
     if outside.any():
         number = int(owner[outside.argmax()])
         raise InputError(
-            f"{path}: face {number} names vertices {indices[owner == number].tolist()[:12]}, but there are {count}"
+            f"{path}: face {number} refers to vertices {indices[owner == number].tolist()[:12]}, but there are {count}"
         )
     corners = indices[kept[owner]]
     vertex = file.elements["vertex"]

@@ -136,7 +136,7 @@ def _header(path: Path, head: bytes) -> tuple[PlyFile, str]:
             case ["element", name, count] if count.isascii() and count.isdigit() and len(count) < 16:
                 element = Element(int(count))
                 if name in file.elements:
-                    raise InputError(f"{path}: line {number} of the header: element '{name}' is there twice")
+                    raise InputError(f"{path}: line {number} of the header: element '{name}' appears twice")
                 file.elements[name] = element
             case ["property", "list", count_kind, kind, name] if (
                 element is not None and _TYPES.get(count_kind, "f")[0] != "f" and kind in _TYPES
@@ -147,7 +147,7 @@ def _header(path: Path, head: bytes) -> tuple[PlyFile, str]:
             case _:
                 raise refuse()
     if order is None:
-        raise InputError(f"{path}: its header does not say the format")
+        raise InputError(f"{path}: its header does not state the format")
     for name, element in file.elements.items():
         names = [p.name for p in element.properties]
         if len(set(names)) < len(names):
@@ -321,7 +321,9 @@ class _Ascii:
                 counts = numbers[at] if len(at) else np.zeros(0)
                 bad = ~((counts >= 0) & (counts == np.floor(counts)) & (counts <= 1e9))
                 if bad.any():
-                    raise InputError(f"{self._place(int(bad.argmax()))}: {counts[bad][0]:g} is no length of a list")
+                    raise InputError(
+                        f"{self._place(int(bad.argmax()))}: {counts[bad][0]:g} is not the length of a list"
+                    )
                 lengths = counts.astype(np.int64)
                 at = at + 1
             self._within(at + lengths, ends)
@@ -333,11 +335,11 @@ class _Ascii:
                 element.columns[p.name] = values
             at = at + lengths
         if (longer := at < ends).any():
-            raise InputError(f"{self._place(int(longer.argmax()))}: more values than the header says")
+            raise InputError(f"{self._place(int(longer.argmax()))}: more values than the header states")
 
     def _within(self, at: NDArray[np.int64], ends: NDArray[np.int64]) -> None:
         if (short := at > ends).any():
-            raise InputError(f"{self._place(int(short.argmax()))}: fewer values than the header says")
+            raise InputError(f"{self._place(int(short.argmax()))}: fewer values than the header states")
 
     def _as_kind(self, values: NDArray[np.float64], p: Property) -> NDArray[np.generic]:
         """The values in the property's type; whole numbers must fit in."""

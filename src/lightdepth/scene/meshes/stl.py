@@ -57,7 +57,7 @@ def _binary(path: Path, content: bytes, with_materials: bool, note: Note) -> NDA
     size = count * _ROW.itemsize
     if len(content) < _HEAD + size:
         raise InputError(
-            f"{path}: not a readable STL file: it says {count} triangles, but has {(len(content) - _HEAD) // 50}; "
+            f"{path}: not a readable STL file: it states {count} triangles, but has {(len(content) - _HEAD) // 50}; "
             "it is cut off or damaged"
         )
     if tail := len(content) - _HEAD - size:

@@ -44,7 +44,7 @@ def _opened(path: Path, _changed: int, _size: int) -> UsdFile:
 def _read(file: UsdFile, prim: Usd.Prim, time: Usd.TimeCode) -> FileCamera:
     camera = UsdGeom.Camera(prim).GetCamera(time)
     if camera.projection != Gf.Camera.Perspective:
-        raise InputError(f"{file.path}: {prim.GetPath()} is no perspective camera; only these are read")
+        raise InputError(f"{file.path}: {prim.GetPath()} is not a perspective camera; only these are read")
     if camera.horizontalApertureOffset or camera.verticalApertureOffset:
         file.note(f"{prim.GetPath()}: the offset of its aperture is left out; shift in the scene file does the same")
     if camera.fStop:

@@ -48,7 +48,7 @@ class UsdFile:
             self.to_scene = self._axes_and_unit()
             self._first, self._last = self._range()
         if absent := sorted(name for name in unresolved if name.lower().endswith(LAYERS)):
-            raise InputError(f"{path}: names the layer {absent[0]}, which does not exist or cannot be read")
+            raise InputError(f"{path}: refers to the layer {absent[0]}, which does not exist or cannot be read")
 
     @contextmanager
     def reporting(self) -> Iterator[None]:
@@ -108,7 +108,7 @@ class UsdFile:
         found = asset.resolvedPath
         opened = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(found)) if found else None
         if opened is None:
-            raise InputError(f"{self.path}: names the image {asset.path[:LONGEST_MESSAGE]}, which does not exist")
+            raise InputError(f"{self.path}: refers to the image {asset.path[:LONGEST_MESSAGE]}, which does not exist")
         with opened:
             return found, bytes(opened.GetBuffer())
 

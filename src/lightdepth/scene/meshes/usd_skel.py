@@ -118,7 +118,7 @@ def blended(pose: Pose, count: int, time: Usd.TimeCode) -> NDArray[np.float64] |
     weights = np.array(found[1], np.float64).reshape(count, -1)
     used = indices[weights != 0.0]
     if len(used) and (used.min() < 0 or used.max() >= len(pose.joints)):
-        raise ValueError(f"it names joint {used.max()} of a skeleton that gives it {len(pose.joints)}")
+        raise ValueError(f"it refers to joint {used.max()} of a skeleton that gives it {len(pose.joints)}")
     total = weights.sum(axis=1)
     if (bare := ~(np.abs(total) > 1e-6)).any():
         raise ValueError(f"{bare.sum()} points have no weight at any joint")
