@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from lightdepth.quickstart.pose import GuessedPose
     from lightdepth.quickstart.spot import FloorSpot
 
-SAMPLES = 32
-LOWEST, HIGHEST = 0.2, 10.0
-"""Metres of the lens above the floor beyond which a height is mentioned."""
-
 
 def new(
     panorama: Annotated[Path, typer.Argument(help="The panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
@@ -98,6 +94,8 @@ def _report(
     spot: FloorSpot,
     camera_height: float | None,
 ) -> None:
+    from lightdepth.parameters.quickstart import DEFAULT
+
     console.print(f"level      {pose.rotation_words}", markup=False)
     if camera_height is None:
         console.print(
@@ -106,7 +104,7 @@ def _report(
             style="yellow",
             markup=False,
         )
-    elif not LOWEST <= camera_height <= HIGHEST:
+    elif not DEFAULT.lowest_camera <= camera_height <= DEFAULT.highest_camera:
         console.print(
             f"warning: a camera {camera_height:g} m above the floor is unusual; --camera-height is in metres",
             style="yellow",
@@ -130,6 +128,7 @@ def _draft(scene: Path) -> None:
 
     from lightdepth.api import load_scene
     from lightdepth.cli.render import Interruption, Reporter, run
+    from lightdepth.parameters.quickstart import DEFAULT
     from lightdepth.session.displays import ExrDisplay, PngDisplay
     from lightdepth.session.session import Job, Session
 
@@ -140,4 +139,4 @@ def _draft(scene: Path) -> None:
     session.display(ExrDisplay(target, []))
     session.display(PngDisplay(files[1]))
     with Interruption() as interruption, Reporter("bar", files) as reporter:
-        run(session, Job("view", SAMPLES, denoise=denoise, draft=True), reporter, interruption)
+        run(session, Job("view", DEFAULT.samples, denoise=denoise, draft=True), reporter, interruption)

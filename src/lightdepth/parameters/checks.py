@@ -69,6 +69,8 @@ class ChecksParameters:
         plate_differs: share of what a plate has in common with the panoramas that disagrees, from which on it is reported.
         plate_differs_much: the same for a warning.
         gains_flicker: relative range of the gains of a sequence's frames from which on objects would be seen to change.
+        visible_error: relative error of a picture's samples above which its noise is visible,
+        visible_error_denoised: and where it is denoised.
         frames: of a sequence that are looked at between its keys, at most.
     """
 
@@ -119,6 +121,8 @@ class ChecksParameters:
     plate_differs: Share = 0.2
     plate_differs_much: Share = 0.4
     gains_flicker: Positive = 0.005
+    visible_error: Positive = 0.03
+    visible_error_denoised: Positive = 0.06
     frames: Count = 48
 
     @model_validator(mode="after")
@@ -133,6 +137,7 @@ class ChecksParameters:
             ("sun_near", "sun_around"),
             ("photographs_differ", "photographs_differ_much"),
             ("plate_differs", "plate_differs_much"),
+            ("visible_error", "visible_error_denoised"),
         ):
             if getattr(self, less) > getattr(self, more):
                 raise ValueError(f"{less} must be at most {more}")

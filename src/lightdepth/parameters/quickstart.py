@@ -16,6 +16,8 @@ class QuickstartParameters:
 
     Attributes:
         camera_height: metres of a camera on its tripod above the floor, where nobody says.
+        lowest_camera: metres above the floor below which a given height is unusual,
+        highest_camera: and above which.
         sure_directions: confidence from which directions that edges show are used.
         blue: natural logarithm of blue over red from which light is that of the sky, or of what the sky lights.
         blue_share: share of the directions above the horizon with such light from which on the place is in the open. Of
@@ -54,6 +56,7 @@ class QuickstartParameters:
         group_share: of the view's width that the objects take, and at most twice that of its height.
         below: share of the view's height below the objects; they stand low in it, so that more of the place is seen.
         aspect: the view's height over its width.
+        samples: of each pixel of the first picture.
         smallest_fov: horizontal field of view, degrees.
         largest_fov: the same.
         smallest_width: of the view, pixels.
@@ -62,6 +65,8 @@ class QuickstartParameters:
     """
 
     camera_height: Positive = 1.6
+    lowest_camera: Positive = 0.2
+    highest_camera: Positive = 10.0
     sure_directions: Share = 0.5
     blue: NotNegative = 0.1
     blue_share: Share = 0.45
@@ -97,6 +102,7 @@ class QuickstartParameters:
     group_share: Positive = 0.3
     below: Share = 0.15
     aspect: Positive = 0.625
+    samples: Count = 32
     smallest_fov: Positive = 18.0
     largest_fov: Positive = 80.0
     smallest_width: Count = 640
@@ -108,7 +114,11 @@ class QuickstartParameters:
         for what in ("object", "fov", "width"):
             if getattr(self, f"smallest_{what}") > getattr(self, f"largest_{what}"):
                 raise ValueError(f"smallest_{what} must be at most largest_{what}")
-        for less, more in (("closest", "farthest"), ("shortest_view", "longest_view")):
+        for less, more in (
+            ("closest", "farthest"),
+            ("shortest_view", "longest_view"),
+            ("lowest_camera", "highest_camera"),
+        ):
             if getattr(self, less) > getattr(self, more):
                 raise ValueError(f"{less} must be at most {more}")
         return self
