@@ -23,6 +23,10 @@ def everything(
 ) -> None:
     """Measure all methods on all places, and costs; write bench/results/*.json and docs/benchmarks.md."""
     if context.invoked_subcommand is not None:
+        if quick or note:
+            raise typer.BadParameter(
+                "--quick and --note are of the whole benchmark; a part takes --quick after its name"
+            )
         return
     from bench.cost import cost
     from bench.real import real
@@ -54,7 +58,7 @@ def cost(
     quick: Annotated[bool, typer.Option(help="Small sizes.")] = False,
     only: Annotated[str, typer.Option(help="Measure the tables whose titles contain this; others stay.")] = "",
 ) -> None:
-    """Measure costs alone; print them and write bench/results/cost.json."""
+    """Measure costs alone; print them and write bench/results/cost.json, unless they are quick."""
     from bench.cost import cost as measure_cost
     from bench.run import RESULTS
 
@@ -62,6 +66,8 @@ def cost(
     costs = measure_cost(quick, console, only)
     for table in costs["tables"]:
         _print_table(table)
+    if quick:
+        return
     if only:
         measured = {table["title"]: table for table in costs["tables"]}
         costs["tables"] = [measured.get(table["title"], table) for table in json.loads(path.read_text())["tables"]]

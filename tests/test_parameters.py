@@ -20,13 +20,18 @@ from lightdepth.film.sums import Share, merge  # noqa: E402
 from lightdepth.lighting.clipped_sources import find_plateaus  # noqa: E402
 from lightdepth.lighting.panorama_view import PanoramaView  # noqa: E402
 from lightdepth.parameters import (  # noqa: E402
+    CalibrationParameters,
+    CaptureParameters,
     FilmParameters,
     LightingParameters,
+    MirrorBallParameters,
     Parameters,
     QuickstartParameters,
+    ReconstructionParameters,
     RecoveryParameters,
     TransportParameters,
 )
+from lightdepth.parameters.reconstruction import BoxParameters, DepthParameters  # noqa: E402
 from lightdepth.preparation.place import forget_places, prepare_place  # noqa: E402
 from lightdepth.scene.identity import scene_digest  # noqa: E402
 from lightdepth.scene.load import load_scene  # noqa: E402
@@ -35,6 +40,13 @@ from lightdepth.session.session import Job  # noqa: E402
 from lightdepth.store import Store  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
+ARGUMENTS = {
+    "capture": CaptureParameters(),
+    "mirror_ball": MirrorBallParameters(),
+    "calibration": CalibrationParameters(),
+    **{f"reconstruction.{each.name}": each.default for each in fields(ReconstructionParameters)},
+    "quickstart": QuickstartParameters(),
+}
 NAMES = [(each.name, name.name) for each in fields(Parameters) for name in fields(getattr(Parameters(), each.name))]
 
 
@@ -52,6 +64,8 @@ def frame(scene, samples=16):
 
 
 def other_value(value):
+    if isinstance(value, tuple):
+        return tuple(map(other_value, value))
     return 2 * value if isinstance(value, int) else 0.9 * value
 
 
@@ -132,6 +146,11 @@ def test_light_is_recovered_with_the_scene_s_parameters(scene):
         (RecoveryParameters, {"unseen_share": -0.1}),
         (LightingParameters, {"search_darkest": 0.5}),
         (QuickstartParameters, {"smallest_fov": 90.0}),
+        (CaptureParameters, {"black": 0.99}),
+        (MirrorBallParameters, {"rim_starts": (4, 1)}),
+        (CalibrationParameters, {"view_fovs": (40.0, 180.0)}),
+        (BoxParameters, {"farthest_wall": 12.0}),
+        (DepthParameters, {"filter_width": 8}),
     ],
 )
 def test_what_is_out_of_range_is_refused(kind, wrong):
@@ -163,13 +182,12 @@ def test_a_scene_file_may_vary_them(tmp_path):
 
 def test_the_documentation_has_them_all():
     text = (Path(__file__).parents[1] / "docs" / "parameters.md").read_text()
-    rows = re.findall(r"^## `(\w+)`|^\| `(\w+)` \| (\S+) \|", text, re.MULTILINE)
+    rows = re.findall(r"^##+ `([\w.]+)`|^\| `(\w+)` \| ([^|]+) \|", text, re.MULTILINE)
     place, found = "", []
     for header, name, value in rows:
         place = header or place
         found += [] if header else [(place, name, value)]
-    first = [
-        ("quickstart", each.name, repr(getattr(QuickstartParameters(), each.name)))
-        for each in fields(QuickstartParameters)
+    rooms = {each.name: getattr(Parameters(), each.name) for each in fields(Parameters)} | ARGUMENTS
+    assert found == [
+        (place, each.name, repr(getattr(room, each.name))) for place, room in rooms.items() for each in fields(room)
     ]
-    assert found == [(place, name, repr(getattr(getattr(Parameters(), place), name))) for place, name in NAMES] + first

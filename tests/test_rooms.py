@@ -52,6 +52,26 @@ def test_no_arrow_between_rooms_runs_back():
     for path, tree in modules():
         plain = [name.name for node in ast.walk(tree) if isinstance(node, ast.Import) for name in node.names]
         assert "lightdepth" not in plain, f"{path} imports the package's front, which imports all"
+        if path != Path("__init__.py"):
+            front = [name for name in imported(tree) if room(name) and not is_module(f"lightdepth.{room(name)}")]
+            assert not front, f"{path} imports {', '.join(front)} from the package's front, which imports all"
+
+
+def test_the_cache_of_places_knows_all_code_that_recovers_them():
+    """A module that recovery comes to use later must not leave what the old one recovered valid."""
+    trees = {".".join(["lightdepth", *path.with_suffix("").parts]): tree for path, tree in modules()}
+    decide_nothing = {"cancellation", "errors", "files", "store", "work"}
+    seen, left = set(), {"lightdepth.preparation.place"}
+    while left:
+        module = left.pop()
+        seen.add(module)
+        for name in imported(trees[module]):
+            left |= {name, f"{name}.__init__", name.rpartition(".")[0]} & trees.keys() - seen
+    used = {room(module) for module in seen} - decide_nothing
+    assert "recovery" in used
+    body = trees["lightdepth.preparation.place"].body
+    code = next(n.value for n in body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "CODE")
+    assert used <= {name.removesuffix(".py") for name in ast.literal_eval(code)}
 
 
 def test_only_the_kernel_starts_mitsuba_and_makes_its_objects():

@@ -8,6 +8,7 @@ from lightdepth.calibration.rectangle import FloorRectangle
 from lightdepth.calibration.solve import Cues, calibrate
 from lightdepth.directions import euler_rotation
 from lightdepth.errors import InputError
+from lightdepth.parameters import CalibrationParameters
 from tests.calibration.calibration_helpers import angle_between, seen_from
 
 CAMERA = np.array([-0.7, -0.9, 1.5])
@@ -118,6 +119,8 @@ def test_corners_that_are_no_rectangle_are_reported():
 def test_measures_that_contradict_the_clicks_are_reported():
     assert calibrate(Cues(rug(width=2.0, length=3.0), camera_height=1.5)).warnings == ()
     assert any("length / width" in w for w in calibrate(Cues(rug(width=2.0, length=4.0))).warnings)
+    about = CalibrationParameters(rectangle_measure=0.3)
+    assert not any("length / width" in w for w in calibrate(Cues(rug(width=2.0, length=4.0)), tuned=about).warnings)
     assert any("camera height" in w for w in calibrate(Cues(rug(width=2.0), camera_height=2.2)).warnings)
     assert any("camera height" in w for w in calibrate(Cues(rug(length=3.0), camera_height=2.2)).warnings)
 

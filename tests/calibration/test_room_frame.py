@@ -19,6 +19,7 @@ from lightdepth.directions import (
 from lightdepth.errors import InputError
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import validate_panorama
+from lightdepth.parameters import CalibrationParameters
 from tests.calibration.calibration_helpers import angle_between
 
 CAFE_PLUMB_EDGES = Arcs(
@@ -79,6 +80,8 @@ def test_edges_of_the_virtual_room_are_found_exactly(room):
     assert np.degrees(found.length.max()) > 15
     longest = found.take([np.argmax(found.length)])
     assert np.abs(np.degrees(np.arcsin(longest.ends @ edge.normal[0]))).max() < 0.2 * 360 / 512  # A fifth of a pixel.
+    long = detect_arcs(room.radiance(512), tuned=CalibrationParameters(edge_shortest=15.0))
+    np.testing.assert_array_equal(long.ends, arcs.take(np.degrees(arcs.length) > 15.0).ends)
 
 
 def test_the_virtual_room_is_levelled_and_aligned(room, poses):
@@ -142,6 +145,8 @@ def test_random_edges_get_no_confidence():
 def test_an_empty_panorama_is_refused():
     with pytest.raises(InputError, match="0 straight edges found, at least 20 are needed"):
         find_room_frame(detect_arcs(np.ones((128, 256, 3), dtype=np.float32)))
+    with pytest.raises(InputError, match="3 straight edges found, at least 4 are needed"):
+        find_room_frame(Arcs(np.eye(3)[[[0, 1], [1, 2], [2, 0]]]), tuned=CalibrationParameters(frame_fewest_edges=4))
 
 
 def frame_of(rotation: np.ndarray, confidence: float = 1.0) -> RoomFrame:

@@ -10,6 +10,7 @@ from lightdepth.calibration.scene_file import write_further_pose
 from lightdepth.directions import direction_to_latlong, euler_rotation, pixel_directions, rotation_to_euler
 from lightdepth.errors import InputError
 from lightdepth.images.picture_file import read_picture
+from lightdepth.parameters import CalibrationParameters
 from lightdepth.scene.load import load_scene
 from lightdepth.toml_file import read_toml
 from tests.support.commands import run_command, write_rgb
@@ -118,10 +119,14 @@ def test_imprecise_clicks(placed):
         places = FIRST + one * reach[:, None] if placed else np.full_like(one, np.nan)
         names = tuple(str(number) for number in range(12))
         baseline = None if placed else BASELINE
-        pose = relate(SharedPoints(names, one, other @ OTHER, places, FIRST, np.full(12, noise), baseline))
+        shared = SharedPoints(names, one, other @ OTHER, places, FIRST, np.full(12, noise), baseline)
+        pose = relate(shared)
         misses.append((np.linalg.norm(pose.position - SECOND) / BASELINE, angle(pose.rotation, OTHER)))
         assert angle(pose.rotation, OTHER) < 4.0 * pose.direction_error
     assert np.median([miss for miss, _ in misses]) < 0.05
+    if placed:
+        with pytest.raises(InputError, match="contradict each other"):
+            relate(shared.some(np.arange(4)), CalibrationParameters(second_contradiction=1e-6))
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -7,6 +7,7 @@ from lightdepth.calibration.rectangle import FloorRectangle
 from lightdepth.calibration.snapping import snap_rectangle
 from lightdepth.calibration.solve import Cues, calibrate
 from lightdepth.directions import rotation_to_euler
+from lightdepth.parameters import CalibrationParameters
 from tests.calibration.calibration_helpers import Poses, angle_between, seen_from
 
 CLICK_ERROR = 3.0 * 360 / 2048
@@ -61,3 +62,7 @@ def test_edges_that_are_no_such_rectangle_are_reported_and_the_clicks_stay(room,
     rectangle, warnings = snap_rectangle(radiance, clicked, None, CLICK_ERROR / 3)
     assert rectangle is clicked
     assert "are not those of such a rectangle" in warnings[0]
+    about = CalibrationParameters(rectangle_measure=1.0, snap_error=0.25)
+    rectangle, warnings = snap_rectangle(radiance, clicked, None, CLICK_ERROR / 3, about)
+    assert not warnings
+    assert rectangle.error == 0.25 * 360 / 2048

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from lightdepth.calibration.view_cues import Distance, Line, Point, ViewCues
-from lightdepth.calibration.view_solve import FALSE_ALARM, calibrate_view
+from lightdepth.calibration.view_solve import calibrate_view
 from lightdepth.cameras import Perspective
 from lightdepth.directions import euler_rotation, look_at_rotation
 from lightdepth.errors import InputError
+from lightdepth.parameters import CalibrationParameters
 from tests.calibration.calibration_helpers import angle_between
 
 SIZE = (1600, 1200)
@@ -140,7 +141,7 @@ def test_clicks_of_one_pixel_of_noise():
             SIZE, lines=photo.lines(8, 1.0, clicks=6), points=photo.points(24, 1.0), distortion=None, click_error=1.0
         )
         found = calibrate_view(cues)
-        alarms += found.probability < FALSE_ALARM
+        alarms += found.probability < CalibrationParameters().view_false_alarm
         # Points that were not clicked, as the two cameras show them.
         others = ROOM * photo.random.uniform(0, 1, (400, 3))
         others = others[photo.pixels(others)[1] & (np.linalg.norm(others - photo.position, axis=1) > 1.0)]
@@ -170,8 +171,11 @@ def test_contradictions_are_named():
     with pytest.raises(InputError, match=r"contradict each other.*without --point 3, \d\.\d"):
         calibrate_view(ViewCues(SIZE, lines=lines, points=(*points[:2], wrong, *points[3:])))
     slightly = Point("--point 3", points[2].click + [9, -7], points[2].world)
-    found = calibrate_view(ViewCues(SIZE, lines=lines, points=(*points[:2], slightly, *points[3:])))
+    cues = ViewCues(SIZE, lines=lines, points=(*points[:2], slightly, *points[3:]))
+    found = calibrate_view(cues)
     assert "without --point 3" in found.warnings[-1]
+    with pytest.raises(InputError, match="contradict each other"):
+        calibrate_view(cues, CalibrationParameters(view_hopeless=0.9 * found.residual))
     turned = Line(lines[1].name, 0, lines[1].clicks[::-1])
     with pytest.raises(InputError, match="--x-line 2: runs against"):
         calibrate_view(ViewCues(SIZE, lines=(lines[0], turned, *lines[2:])))

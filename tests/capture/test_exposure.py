@@ -10,6 +10,7 @@ from lightdepth.capture.exposure import Exposure, read_exposures, shutter_time
 from lightdepth.capture.shoot import MergeOptions, read_shoot
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.radiance import write_radiance
+from lightdepth.parameters import CaptureParameters
 from tests.support.dng import write_dng
 from tests.support.photography import write_photograph
 
@@ -165,6 +166,9 @@ def test_sensitivity_under_its_other_names(tmp_path, tag, iso):
 
 def test_equal_exposures_are_no_bracket():
     assert [len(group) for group in group_by_exposure(named([4] * 6))] == [1] * 6
+    assert [len(group) for group in group_by_exposure(named([4, 5] * 3))] == [2] * 3
+    coarse = CaptureParameters(bracket_same=0.5)
+    assert [len(group) for group in group_by_exposure(named([4, 5] * 3), coarse)] == [1] * 6
 
 
 @pytest.mark.parametrize("name", ["iso65535_0", "iso65535_2"])

@@ -8,6 +8,7 @@ from lightdepth.capture.merging import merge, shared_response
 from lightdepth.capture.photograph import read_photograph
 from lightdepth.capture.response import linear_response, normalised, srgb_response
 from lightdepth.errors import InputError
+from lightdepth.parameters import CaptureParameters
 from tests.support.dng import write_dng
 from tests.support.photography import TestCamera, film_curve, photograph, sensor_radiance, write_photograph
 
@@ -158,6 +159,7 @@ def test_what_moved_is_left_out(view, tmp_path):
     pairs = expose(light, times, camera, tmp_path, walker)
     plain, deghosted = merge(pairs, response), merge(pairs, response, deghost=True)
     assert deghosted.ghosts > 0.05
+    assert merge(pairs, response, deghost=True, tuned=CaptureParameters(merge_ghost=1.0)).ghosts == 0.0
     # The middle exposure's walker stays; every other one's place shows what is behind it.
     scale = np.median(deghosted.radiance / walker(light, 2))
     for index in (0, 1, 3, 4):

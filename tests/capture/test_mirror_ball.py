@@ -10,9 +10,11 @@ import pytest
 from lightdepth.capture.fisheye import Circle
 from lightdepth.capture.mirror_ball.geometry import view_from_circle
 from lightdepth.capture.mirror_ball.reflectance import metal_reflectance
+from lightdepth.capture.mirror_ball.unwrapping import Ball, sample
 from lightdepth.directions import pixel_directions, pixel_solid_angles
 from lightdepth.errors import InputError
 from lightdepth.images.beauty import read_beauty
+from lightdepth.parameters import MirrorBallParameters
 from lightdepth.toml_file import read_toml
 from tests.support.commands import run_command, write_rgb
 from tests.support.mirror_ball import ALBEDO, Box, computed_photograph, fresnel
@@ -91,6 +93,11 @@ def test_reflected_and_mirrored_are_inverse():
     points = normals + 20.0 * directions[on_ball]
     length = np.linalg.norm(points, axis=1)
     assert np.allclose(view.mirror(points / length[:, None], length)[0], normals, atol=1e-7)
+    # Two pixels inside the outline a photograph counts, or not.
+    ball = Ball("ball", np.ones((600, 800, 3), np.float32), np.zeros((600, 800), bool), view, np.full(3, 0.6))
+    near = view.reflected(np.array([450.0 + 198.0]), np.array([310.0]))
+    assert sample(ball, near).weight > 0.0
+    assert sample(ball, near, tuned=MirrorBallParameters(unwrap_none=2.5)).weight == 0.0
 
 
 def test_metal_reflects_as_fresnel_says():

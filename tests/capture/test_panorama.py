@@ -6,6 +6,7 @@ from lightdepth.capture.photometry import Photograph, estimate_photometry
 from lightdepth.capture.rig import PRESETS
 from lightdepth.directions import pixel_directions
 from lightdepth.images.filling import fill, mark
+from lightdepth.parameters import CaptureParameters
 from tests.support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, sensor_radiance
 
 
@@ -28,7 +29,8 @@ def test_preset_is_the_papers_rig():
 
 def test_vignetting_and_gains_are_found_from_overlaps(place):
     factors = np.array([1.0, 1.2, 0.9, 1.0, 1.1, 0.95, 1.0])
-    photometry = estimate_photometry(photographs(place, factors))
+    shots = photographs(place, factors)
+    photometry = estimate_photometry(shots)
     radius = np.array([0.3, 0.6, 0.9])
     np.testing.assert_allclose(
         photometry.falloff(radius * np.sqrt(0.5)), 1 - 0.3 * radius**2 - 0.1 * radius**4, atol=0.01
@@ -36,6 +38,8 @@ def test_vignetting_and_gains_are_found_from_overlaps(place):
     product = photometry.gains.mean(axis=1) * factors
     np.testing.assert_allclose(product / product.mean(), 1, atol=0.01)
     assert photometry.disagreement < 0.02 < photometry.disagreement_before
+    held = CaptureParameters(photometry_prior=1e3, photometry_directions=10_000)
+    np.testing.assert_allclose(estimate_photometry(shots, tuned=held).gains, 1, atol=0.01)
 
 
 def test_known_poses_give_the_panorama_back(place):

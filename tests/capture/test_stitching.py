@@ -25,6 +25,7 @@ from lightdepth.errors import InputError, SetupError
 from lightdepth.images.beauty import read_beauty
 from lightdepth.images.exr import read_exr
 from lightdepth.images.radiance import read_radiance, write_radiance
+from lightdepth.parameters import CaptureParameters
 from tests.support.photography import PAPER_RIG, TestCamera, look_up, rig_rotation, room_panorama, shoot
 
 needs_hugin = pytest.mark.skipif(
@@ -264,6 +265,7 @@ def test_a_wrong_control_point_is_warned_of(off, warned):
     stitched = Stitched(Panorama(image, seen), lenses, points, 2, photometry, [])
     warnings = warnings_of(shot, stitched)
     assert len(warnings) == warned
+    assert warnings_of(shot, stitched, CaptureParameters(wrong_point=8.0)) == []
     if warned:
         assert warnings[0].startswith("a.exr, b.exr: a control point is off by 7.0 degrees (1 of 2 by more than 2)")
 

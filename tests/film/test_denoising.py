@@ -19,7 +19,6 @@ from lightdepth.cameras.topology import Flat, Rectangle, Spherical  # noqa: E402
 from lightdepth.directions import pixel_directions  # noqa: E402
 from lightdepth.errors import SetupError  # noqa: E402
 from lightdepth.film.denoising import (  # noqa: E402
-    TILE,
     _boxes,
     _changed_tiles,
     _margins,
@@ -120,9 +119,8 @@ def test_there_is_no_seam(denoised):
         assert np.abs(difference).max() < 0.01 * np.abs(expected).max()
 
 
-def test_bands_meet_without_a_seam(denoised, monkeypatch):
-    monkeypatch.setattr("lightdepth.film.denoising.PIXELS_AT_ONCE", 1)
-    banded = denoise(panorama_frame())
+def test_bands_meet_without_a_seam(denoised):
+    banded = denoise(panorama_frame(), replace(DEFAULT, largest_box=1))
     assert rms(banded.change - denoised.change) < 0.1 * rms(denoised.change - panorama_frame().change)
 
 
@@ -133,7 +131,7 @@ def test_only_what_is_new_is_filtered(denoised):
     frame.change[:], frame.synthetic[:, 40:] = 0, 0
     frame.change[90:100, 200:204], frame.change[5, 7] = -0.1, 0.2
     (chart,) = frame.topology.charts
-    tiles = np.zeros((HEIGHT // TILE, WIDTH // TILE), bool)
+    tiles = np.zeros((HEIGHT // DEFAULT.tile, WIDTH // DEFAULT.tile), bool)
     tiles[[5, 6, 0], [12, 12, 0]] = True
     rectangles = [window.rectangle for window in _windows(frame.topology, chart, tiles, DEFAULT)]
     assert sorted((each.top, each.bottom, each.left, each.right) for each in rectangles) == [

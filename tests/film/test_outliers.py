@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from lightdepth.film.outliers import Settled, settle
+from lightdepth.parameters.denoising import DEFAULT, DenoisingParameters
 
 SHAPE, SAMPLES = (96, 128), 32
 HERE = np.ones(SHAPE, bool)
@@ -15,10 +16,10 @@ def sampled(mean, seed=3):
     return noise.mean(axis=0), noise.std(axis=0, ddof=1) / np.sqrt(SAMPLES)
 
 
-def settled(grey, error, here=HERE) -> Settled:
+def settled(grey, error, here=HERE, tuned=DEFAULT) -> Settled:
     colour = np.float32([1.0, 0.8, 0.6]) / np.float32(0.8)
     layer = grey[:, :, None].astype(np.float32) * colour
-    result = settle(layer, error.astype(np.float32), here.astype(np.float32), 0.18 / 0.5)
+    result = settle(layer, error.astype(np.float32), here.astype(np.float32), 0.18 / 0.5, tuned)
     assert result.plain.min() >= 0.0
     return result
 
@@ -33,6 +34,16 @@ def test_one_samples_firefly_is_spread_without_a_spot(strength):
     assert result.plain[40, 60].mean() < 0.5 * 1.25
     assert result.plain.max() < 1.15 * settled(*sampled(np.full(SHAPE, 0.5))).plain.max()
     np.testing.assert_allclose(result.plain.mean(axis=2).sum(), grey.sum(), rtol=1e-3)
+
+
+def test_light_is_spread_as_far_as_the_parameters_say():
+    """Around a pixel with a firefly, beyond four standard deviations nothing changes."""
+    grey, error = sampled(np.full(SHAPE, 0.5))
+    before = settled(grey, error).plain
+    grey[40, 60], error[40, 60] = grey[40, 60] + 2.0, error[40, 60] + 2.0
+    for tuned, reach in ((DEFAULT, 16), (DenoisingParameters(spread=2.0, spreads=1), 8)):
+        changed = np.abs(settled(grey, error, tuned=tuned).plain - before).max(axis=2) > 1e-5
+        assert reach / 2 < np.ptp(np.flatnonzero(changed.any(axis=0))) / 2 <= reach
 
 
 def test_what_many_samples_agree_on_stays_with_its_rim():

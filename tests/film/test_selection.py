@@ -14,6 +14,7 @@ import lightdepth  # noqa: E402
 from lightdepth.api import begin_rendering  # noqa: E402
 from lightdepth.directions import euler_rotation  # noqa: E402
 from lightdepth.film import rendering as rendering_module  # noqa: E402
+from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from lightdepth.scene.materials import Diffuse, Emitter  # noqa: E402
 from lightdepth.scene.model import AnalyticShape, Mesh, Role, SyntheticObject, SyntheticPart  # noqa: E402
 from tests.chance import check_mean  # noqa: E402
@@ -41,7 +42,7 @@ OBJECTS = {
 }
 
 
-def every_pixel(view, prepared):
+def every_pixel(view, prepared, tile):
     width, height = view.camera.resolution
     return np.arange(width * height, dtype=np.uint32)
 
@@ -69,6 +70,20 @@ def test_nothing_is_missed(name, camera, monkeypatch):
     assert (full.object_id == 0)[~sampled].all()
     if camera == "pano":
         assert sampled.mean() < 0.8
+
+
+def test_tiles_are_as_large_as_the_parameters_say():
+    scene = room(lamp_image(128), [OBJECTS["a ball that hangs"]], role=Role.ENVIRONMENT)
+    counts = []
+    for tile in (4, 8, 16):
+        tuned = Parameters(film=FilmParameters(selection_tile=tile))
+        rendering = begin_rendering(replace(scene, render=replace(scene.render, parameters=tuned)), "pano")
+        sampled = np.zeros(rendering.plate.shape[:2], bool)
+        sampled.reshape(-1)[rendering.pixels] = True
+        tiles = sampled.reshape(len(sampled) // tile, tile, -1, tile)
+        assert (tiles.any(axis=(1, 3)) == tiles.all(axis=(1, 3))).all()
+        counts.append(np.count_nonzero(sampled))
+    assert counts[0] < counts[1] < counts[2]
 
 
 def test_what_the_lens_blurs_is_not_missed(monkeypatch):

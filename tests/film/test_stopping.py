@@ -210,18 +210,58 @@ def test_parts_that_do_not_belong_together_are_refused(scene):
         merge([one, part(scene, Share(1, 2), 4)])
     with pytest.raises(InputError, match="another division"):
         merge([one, part(scene, Share(1, 3), 8)])
-    assert not merge([one]).complete
+    other = part(scene, Share(1, 2), 8)
+    for name, value in (
+        ("version", "0.0.1"),
+        ("scene", "00"),
+        ("method", "directional"),
+        ("seed", 4),
+        ("size", (9, 9)),
+    ):
+        with pytest.raises(InputError, match=f"part 2: does not belong to part 1: it has another {name}"):
+            merge([one, replace(other, origin=replace(other.origin, **{name: value}))])
+    assert merge([one]).missing == ("2/2",)
+    assert merge([one, other]).complete
     with pytest.raises(InputError, match="depend on all shares"):
         begin_rendering(scene, "view", share=Share(0, 2)).run(8, 0.1)
 
 
-def test_sums_of_a_region_are_a_part_that_can_be_merged_again(scene):
-    sums = part(scene, Share(), 4)
-    left, right = sums.within((0, 0, 20, 32)), sums.within((20, 0, 48, 32))
-    assert 0 < len(left.pixels) < len(sums.pixels)
-    again = merge([replace(left, of=2), replace(right, of=2, shares=(1,))])
-    for name, values in sums.arrays().items():
+def test_sums_of_regions_are_parts_that_can_be_saved_and_merged_again(scene, tmp_path):
+    sums = [part(scene, Share(index, 2), 4) for index in range(2)]
+    regions = (0, 0, 20, 32), (20, 0, 48, 10), (20, 10, 48, 32)
+    parts = [each.within(region) for each in sums for region in regions]
+    assert 0 < len(parts[0].pixels) < len(sums[0].pixels)
+    parts[2].save(tmp_path / "x.sums")
+    parts[2] = PixelSums.load(tmp_path / "x.sums")
+    assert parts[2].regions == regions[2:]
+    again, expected = merge([parts[index] for index in (4, 2, 0, 5, 1, 3)]), merge(sums)
+    assert again.complete
+    assert again.header() == expected.header()
+    for name, values in expected.arrays().items():
         assert getattr(again, name).tobytes() == values.tobytes()
+    assert merge([parts[0], parts[1]]).missing == ("2/2", "the region 20,10,48,32")
+    with pytest.raises(InputError, match=r"part 2: holds share 1/2 of the region 20,0,30,10, which is in part 1"):
+        merge([parts[1], sums[0].within((10, 0, 30, 32))])
+    with pytest.raises(InputError, match="holds share 2/2, which is in part 1 as well"):
+        merge([sums[1], sums[1]])
+    with pytest.raises(InputError, match=r"it has other regions \(20,0,48,10 and 0,0,20,32\)"):
+        merge([parts[0], parts[4]])
+    with pytest.raises(InputError, match=r"holds other shares \(1/2\) than part 1 \(1/2, 2/2\)"):
+        merge([merge(sums).within(regions[0]), parts[1]])
+    with pytest.raises(InputError, match="another number of light paths"):
+        merge([parts[0], replace(parts[1], light_count=1)])
+    with pytest.raises(InputError, match=r"region = \(20, 0, 30, 9\): the sums have no pixel in it"):
+        parts[0].within((20, 0, 30, 9))
+
+
+def test_a_rendering_of_which_a_region_was_sampled_gives_the_sums_of_this_region(scene):
+    rendering = begin_rendering(scene, "view", seed=3)
+    list(rendering.run(4, region=(8, 4, 24, 20)))
+    sums = rendering.sums()
+    assert sums.regions == ((8, 4, 24, 20),)
+    assert sums.missing[0] == "the region 0,0,48,4"
+    list(rendering.run(4))
+    assert rendering.sums().complete
 
 
 @pytest.mark.parametrize("text", ["0/4", "5/4", "1", "a/b", "-1/4", "1/0", "²/4"])

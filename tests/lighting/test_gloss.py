@@ -177,3 +177,6 @@ def test_a_texture_does_not_bias_the_lobe():
     assert np.mean([fit.roughness for fit in fits]) == pytest.approx(0.25, abs=0.03)
     assert np.mean([fit.specular for fit in fits]) == pytest.approx(0.5, abs=0.05)
     assert fit_lobe(images, find_pairs(images)).explained < 0.01
+    near = find_pairs(shown, LightingParameters(gloss_distances=(2,)))
+    assert 0 < len(near.first) < len(find_pairs(shown).first)
+    assert (np.abs(row[near.first] - row[near.second]) <= 2).all()

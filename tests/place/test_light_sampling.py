@@ -12,6 +12,7 @@ import drjit as dr  # noqa: E402
 import mitsuba as mi  # noqa: E402
 
 from lightdepth.directions import pixel_solid_angles  # noqa: E402
+from lightdepth.parameters.place import PlaceParameters  # noqa: E402
 from lightdepth.place.map_distribution import MapDistribution, hilbert_curve  # noqa: E402
 from lightdepth.place.place import Place  # noqa: E402
 from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
@@ -168,6 +169,10 @@ def test_what_is_no_brighter_than_the_mean_is_left_to_scattering():
     _, direction = MapDistribution(image).sample(1 << 14, generator)
     # The rims of the lamps are interpolated: half a pixel around them is as dark as any.
     assert MapDistribution(image).radiance(direction).x.numpy().min() > 1.0
+    even = PlaceParameters(even=1.0)
+    all_of_it = MapDistribution(image, parameters=even).sample(1 << 10, np.random.default_rng(5))[0]
+    expected = MapDistribution(image, alone=True).sample(1 << 10, np.random.default_rng(5))[0]
+    np.testing.assert_array_equal(all_of_it, expected)
     _, direction = MapDistribution(image, alone=True).sample(1 << 14, generator)
     light = image[..., 0].mean(axis=1) @ pixel_solid_angles(64, 128) * 128
     is_grey = MapDistribution(image).radiance(direction).x.numpy() == 1.0

@@ -7,7 +7,8 @@ from lightdepth.kernel.start import start
 
 start("cpu")
 
-from lightdepth.place.object_outline import FACES, MOST_PARTS, ObjectOutline  # noqa: E402
+from lightdepth.parameters.transport import DEFAULT, TransportParameters  # noqa: E402
+from lightdepth.place.object_outline import ObjectOutline  # noqa: E402
 
 
 def mesh(faces, seed=0):
@@ -34,7 +35,7 @@ def test_every_face_is_in_a_sphere(faces):
     vertices, triangles = mesh(faces)
     outline = ObjectOutline([(sphere_of(vertices), (vertices, triangles))])
     assert is_enclosed(outline, vertices[triangles]).all()
-    assert len(outline.radii) <= MOST_PARTS
+    assert len(outline.radii) <= DEFAULT.outline_parts
 
 
 def test_parts_of_a_wire_are_as_short_as_their_number_allows():
@@ -43,15 +44,18 @@ def test_parts_of_a_wire_are_as_short_as_their_number_allows():
     vertices = (along + 0.001 * np.eye(3)).reshape(-1, 3).astype(np.float32)
     faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
     outline = ObjectOutline([(sphere_of(vertices), (vertices, faces))])
-    assert len(outline.radii) == 2048 // FACES
+    assert len(outline.radii) == 2048 // DEFAULT.outline_faces
     assert outline.radii.max() <= 10.0 / len(outline.radii)
+    for tuned, count in ((TransportParameters(outline_faces=64), 32), (TransportParameters(outline_parts=8), 8)):
+        coarser = ObjectOutline([(sphere_of(vertices), (vertices, faces))], parameters=tuned)
+        assert len(coarser.radii) == count
 
 
 def test_many_spheres_are_enclosed_by_fewer():
     generator = np.random.default_rng(1)
-    centres, radii = generator.uniform(-5.0, 5.0, (4 * MOST_PARTS, 3)), generator.uniform(0.01, 0.1, 4 * MOST_PARTS)
+    centres, radii = generator.uniform(-5.0, 5.0, (2048, 3)), generator.uniform(0.01, 0.1, 2048)
     outline = ObjectOutline([((centre, radius), None) for centre, radius in zip(centres, radii)])
-    assert len(outline.radii) <= MOST_PARTS
+    assert len(outline.radii) <= DEFAULT.outline_parts
     distances = np.linalg.norm(centres[:, None] - outline.centres, axis=2) + radii[:, None]
     assert (distances <= outline.radii + 1e-9).any(axis=1).all()
 

@@ -7,7 +7,8 @@ import pytest
 
 from lightdepth.directions import euler_rotation, pixel_directions
 from lightdepth.lighting.explained import ExplainedLight
-from lightdepth.place.unseen_sky import ROWS, sky_map
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
+from lightdepth.place.unseen_sky import sky_map
 from lightdepth.scene.model import Mesh, Panorama, RealSurface, Role
 
 HEIGHT = 64
@@ -41,9 +42,9 @@ def photograph():
 def test_hidden_sky_is_like_the_sky_at_its_elevation(photograph):
     panorama, hidden, directions = photograph
     found = sky_map(panorama.radiance, ~hidden, directions)
-    axes = pixel_directions(ROWS, 2 * ROWS)
+    axes = pixel_directions(DEFAULT.sky_map_rows, 2 * DEFAULT.sky_map_rows)
     above = axes[..., 2] > np.sin(np.radians(4.0))
-    cell = 3.0 * 0.5 * np.pi / ROWS  # Half of one, of the steepest channel.
+    cell = 3.0 * 0.5 * np.pi / DEFAULT.sky_map_rows  # Half of one, of the steepest channel.
     np.testing.assert_allclose(found[above], gradient(axes)[above], rtol=0.0, atol=cell)
 
 
@@ -54,7 +55,7 @@ def test_hidden_sky_is_like_the_sky_beside_it():
     radiance = np.where(x < 0.0, 10.0, 1.0)[..., None] * np.ones(3, np.float32)
     seen = (z > 0.0) & (np.abs(np.abs(x) - 0.6) < 0.2)
     found = sky_map(radiance.astype(np.float32), seen, directions)
-    axes = pixel_directions(ROWS, 2 * ROWS)
+    axes = pixel_directions(DEFAULT.sky_map_rows, 2 * DEFAULT.sky_map_rows)
     for side, wanted in ((-1.0, 10.0), (1.0, 1.0)):
         hidden = (side * axes[..., 0] > 0.85) & (axes[..., 2] > 0.1)
         np.testing.assert_allclose(found[hidden], wanted, rtol=0.1)
@@ -68,6 +69,11 @@ def test_a_sun_does_not_spread(photograph):
     changed = np.abs(other / one - 1.0).max(axis=2)
     assert changed.max() < 3.0
     assert (changed > 0.05).sum() < 30  # Of 4050 cells: its own, and those about it.
+
+
+def test_the_map_is_as_fine_as_the_parameters_say(photograph):
+    panorama, hidden, directions = photograph
+    assert sky_map(panorama.radiance, ~hidden, directions, PlaceParameters(sky_map_rows=12)).shape == (12, 24, 3)
 
 
 def test_without_sky_there_is_none():

@@ -5,6 +5,7 @@ import pytest
 import trimesh
 
 from lightdepth.errors import InputError
+from lightdepth.parameters.reconstruction import FloorParameters
 from lightdepth.reconstruction.floor import find_floor, split_floor
 from lightdepth.scene.model import Mesh
 
@@ -28,7 +29,7 @@ def test_the_floor_is_found_below_a_large_table():
 def test_without_a_floor_the_reason_is_reported():
     wall = np.random.default_rng(5).uniform([-3, 2, 0], [3, 2.01, 2.5], (5_000, 3))
     with pytest.raises(InputError, match=r"no floor found.*axis is up"):
-        find_floor(wall, np.array([0.0, 0.0, 1.6]), largest_tilt=5.0)
+        find_floor(wall, np.array([0.0, 0.0, 1.6]), tuned=FloorParameters(largest_tilt=5.0))
 
 
 def test_the_floor_is_laid_flat_and_still_meets_the_rest():

@@ -3,6 +3,7 @@
 import json
 import math
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from lightdepth.film.cryptomatte import Mattes  # noqa: E402
 from lightdepth.film.frame import Frame  # noqa: E402
 from lightdepth.film.layers import read_frame  # noqa: E402
 from lightdepth.film.shutter import ShutterMean  # noqa: E402
+from lightdepth.parameters import MotionBlurParameters, Parameters  # noqa: E402
 from lightdepth.scene import load_scene  # noqa: E402
 from lightdepth.scene.animation import SequenceTable  # noqa: E402
 from lightdepth.scene.frames import SceneFrames  # noqa: E402
@@ -233,13 +235,17 @@ def rendered_plate(frames, instant):
 def test_instants_lie_close_on_the_film(moving):
     """The pane goes 4 pixels in half a frame; as seen from `travel`, which goes 0.2 metres along, less."""
 
-    def needed(camera, opened, most=100):
+    def needed(camera, opened, most=100, **tuned):
         scenes = [moving.scene(frame) for frame in (2 - opened / 2, 2, 2 + opened / 2)]
+        render = replace(scenes[1].render, parameters=Parameters(motion_blur=MotionBlurParameters(**tuned)))
+        scenes[1] = replace(scenes[1], render=render)
         return needed_instants(scenes, [scene.cameras[camera] for scene in scenes], most)
 
     assert needed("view", 0.5) == 4
     assert needed("view", 1.0) == math.ceil(8 / 1.5)
     assert needed("view", 1.0, most=5) == 5
+    assert needed("view", 1.0, step=0.5) == 16
+    assert needed("travel", 0.1, fewest_instants=2) == 2
     assert needed("travel", 0.1) == 4
 
 

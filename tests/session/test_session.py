@@ -118,6 +118,10 @@ def test_a_cancelled_session_shows_what_it_has_and_can_go_on(scene):
     assert session.wait(PATIENCE)
     assert session.stages().count("preparing") == 1
     assert session.shown.frame.beauty.tobytes() == plain(scene, 64)
+    session.start(Job("view", 64, preview_seconds=9.0))  # All is there: it is shown again.
+    assert session.wait(PATIENCE)
+    assert session.stages().count("preparing") == 1
+    assert session.shown.frame.beauty.tobytes() == plain(scene, 64)
 
 
 def test_more_samples_can_be_asked_for_while_it_renders_and_afterwards(scene):
@@ -145,6 +149,53 @@ def test_a_changed_scene_begins_again(scene):
     assert session.wait(PATIENCE)
     assert sum(isinstance(event, Done) for event in session.told) == 1
     assert session.shown.frame.beauty.tobytes() == plain(other, 8)
+
+
+def test_several_threads_may_steer_it(scene):
+    session = Watched(scene)
+    together = []
+
+    def count(_):
+        together.append(sum(thread is session._thread or thread in begun for thread in threading.enumerate()))
+        begun.add(threading.current_thread())
+
+    begun = set()
+    session.on(count)
+    session.start(Job("view", 1))
+    assert session.wait(PATIENCE)
+
+    def steer(number):
+        for turn in range(6):
+            [lambda: session.start(Job("view", 2)), lambda: session.set_samples(3), lambda: session.reset(scene)][
+                (number + turn) % 3
+            ]()
+
+    threads = [threading.Thread(target=steer, args=(number,)) for number in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert session.wait(PATIENCE)
+    assert set(together) == {1}
+    assert isinstance(session.told[-1], Done)
+
+
+def test_a_listener_that_would_wait_for_itself_is_refused_and_may_steer_otherwise(scene):
+    session = Watched(scene)
+    refused = []
+
+    def steer():
+        for act in (lambda: session.start(Job("view", 4)), lambda: session.reset(scene), session.wait):
+            with pytest.raises(InputError, match="cannot wait for its own end"):
+                act()
+            refused.append(act)
+        session.set_samples(6)
+
+    session.during(Progress, 1, steer)
+    session.start(Job("view", 4))
+    assert session.wait(PATIENCE)
+    assert len(refused) == 3
+    assert session.shown.frame.beauty.tobytes() == plain(scene, 6)
 
 
 def test_it_can_be_cancelled_while_it_prepares(scene):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lightdepth.calibration.arcs import Arcs
 from lightdepth.directions import FloatArray, direction_to_latlong, euler_rotation
 from lightdepth.images.tonemapping import LUMINANCE
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
 VIEW_DEGREES = 80.0
 VIEWS = tuple(
@@ -20,19 +21,17 @@ VIEWS = tuple(
 )
 """Rotations, camera to light space, of the tangent views; each looks along its second column."""
 
-LARGEST_WIDTH = 2048
-SHORTEST_DEGREES = 1.5
-NOISY = 2.0
-"""Standard deviation of the noise, of 255 levels, above which a picture is denoised: more would break edges up."""
-STRENGTH = 1.2
-"""Of the denoising, in standard deviations of the noise."""
 LAPLACIAN = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6.0
 """Answers to noise with its own standard deviation, and neither to slopes nor to straight edges along rows or columns."""
 QUARTILE = 0.3186
 """Of the absolute value of a normal distribution of standard deviation 1."""
 
 
-def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None] = lambda share: None) -> Arcs:
+def detect_arcs(
+    radiance: NDArray[np.float32],
+    progress: Callable[[float], None] = lambda share: None,
+    tuned: CalibrationParameters = DEFAULT,
+) -> Arcs:
     """Find straight edges with OpenCV's line segment detector (von Gioi et al. 2010) in overlapping tangent views.
 
     Straight lines stay straight in a gnomonic (tangent plane) view, which they do not in the panorama itself. An edge
@@ -41,16 +40,17 @@ def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None]
     Args:
         radiance: the panorama, linear RGB, finite, shape (height, 2 height, 3), float32.
         progress: is called with the share done, in [0, 1].
+        tuned: how they are found.
 
     Returns:
         The edges as arcs of great circles in light space.
     """
-    if radiance.shape[1] > LARGEST_WIDTH:
-        radiance = cv2.resize(radiance, (LARGEST_WIDTH, LARGEST_WIDTH // 2), interpolation=cv2.INTER_AREA)
-    brightness = _without_noise(display_brightness(radiance))
+    largest = tuned.edge_largest_width
+    if radiance.shape[1] > largest:
+        radiance = cv2.resize(radiance, (largest, largest // 2), interpolation=cv2.INTER_AREA)
+    brightness = _without_noise(display_brightness(radiance), tuned)
     half_width = np.tan(np.radians(VIEW_DEGREES / 2))
-    # A little finer than the panorama at the view's centre.
-    size = round(1.3 * 2 * half_width * brightness.shape[1] / (2 * np.pi))
+    size = round(tuned.edge_fineness * 2 * half_width * brightness.shape[1] / (2 * np.pi))
     tangent = ((np.arange(size) + 0.5) / size * 2 - 1) * half_width
     rays = np.stack(np.broadcast_arrays(tangent[None, :], 1.0, -tangent[:, None]), axis=-1)
     centres = np.array([view[:, 1] for view in VIEWS])
@@ -67,7 +67,7 @@ def detect_arcs(radiance: NDArray[np.float32], progress: Callable[[float], None]
             ends.append(directions[np.argmax(directions.sum(axis=1) @ centres.T, axis=1) == index])
         progress((index + 1) / len(VIEWS))
     arcs = Arcs(np.concatenate(ends))
-    return arcs.take(arcs.length > np.radians(SHORTEST_DEGREES))
+    return arcs.take(arcs.length > np.radians(tuned.edge_shortest))
 
 
 def display_brightness(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -82,15 +82,15 @@ def display_brightness(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.clip(brightness, 0.0, 1.0).astype(np.float32)
 
 
-def _without_noise(brightness: NDArray[np.float32]) -> NDArray[np.float32]:
+def _without_noise(brightness: NDArray[np.float32], tuned: CalibrationParameters) -> NDArray[np.float32]:
     """A panorama's brightness in [0, 1], with non-local means (Buades et al. 2011) where there is much noise."""
     # The calmest quarter of the picture: what is left of texture and edges there is least (Immerkaer 1996).
     noise = 255.0 * float(np.percentile(np.abs(cv2.filter2D(brightness, -1, LAPLACIAN)), 25.0)) / QUARTILE
-    if noise <= NOISY:
+    if noise <= tuned.edge_noisy:
         return brightness
     margin = 16
     around = np.pad(np.rint(brightness * 255.0).astype(np.uint8), ((0, 0), (margin, margin)), mode="wrap")
-    clean = cv2.fastNlMeansDenoising(around, None, STRENGTH * noise, 5, 21)
+    clean = cv2.fastNlMeansDenoising(around, None, tuned.edge_denoising * noise, 5, 21)
     return np.divide(clean[:, margin:-margin], np.float32(255.0), dtype=np.float32)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
 
 @dataclass(frozen=True)
@@ -104,13 +105,19 @@ def put_in_order(rectangle: FloorRectangle) -> tuple[FloorRectangle, list[str]]:
     return replace(rectangle, corners=rectangle.corners[order]), warnings
 
 
-def check_shape(rectangle: FloorRectangle, camera_height: float | None, click_error: float) -> list[str]:
+def check_shape(
+    rectangle: FloorRectangle,
+    camera_height: float | None,
+    click_error: float,
+    tuned: CalibrationParameters = DEFAULT,
+) -> list[str]:
     """Say where the clicks contradict a rectangle, or its known measures, by more than the clicks' error explains.
 
     Args:
         rectangle: with its corners in order.
         camera_height: metres above the floor, where known.
         click_error: standard deviation of a click along either axis, degrees.
+        tuned: what is taken for a contradiction.
 
     Returns:
         Warnings.
@@ -118,10 +125,10 @@ def check_shape(rectangle: FloorRectangle, camera_height: float | None, click_er
     warnings = []
     click_error = rectangle.error or click_error
     found, error = _with_error(rectangle.corners, lambda shape: shape.angle, click_error)
-    if abs(found - 90.0) > max(1.0, 3.0 * error):
+    if abs(found - 90.0) > max(tuned.rectangle_angle, tuned.rectangle_errors * error):
         warnings.append(
             f"the corners are not those of a rectangle: its sides meet at {found:.1f} degrees "
-            f"(the clicks explain {3 * error:.1f} degrees off 90)"
+            f"(the clicks explain {tuned.rectangle_errors * error:.1f} degrees off 90)"
         )
     ratios: list[tuple[str, float, Callable[[Parallelogram], float]]] = []
     if rectangle.width and rectangle.length:
@@ -134,10 +141,10 @@ def check_shape(rectangle: FloorRectangle, camera_height: float | None, click_er
         )
     for name, known, measure in ratios:
         found, error = _with_error(rectangle.corners, measure, click_error)
-        if abs(found - known) > max(0.02 * known, 3.0 * error):
+        if abs(found - known) > max(tuned.rectangle_measure * known, tuned.rectangle_errors * error):
             warnings.append(
                 f"the corners do not fit the given measures: {name} is {found:.3f} by the clicks, "
-                f"{known:.3f} as given (the clicks explain a difference of {3 * error:.3f})"
+                f"{known:.3f} as given (the clicks explain a difference of {tuned.rectangle_errors * error:.3f})"
             )
     return warnings
 

@@ -16,23 +16,10 @@ from scipy.spatial.transform import Rotation
 
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
 LEAST_PLACED, LEAST_UNPLACED = 4, 8
 """Shared points that are needed: of known place, or otherwise."""
-STARTS = 300
-"""Rotations from which the search begins."""
-KEPT = 8
-"""Of them, that are refined."""
-WEIGHINGS = 2
-"""Times that the best is refined again, with the points weighted as from its position."""
-CONTRADICTION = 8.0
-"""Click errors of the residual beyond which the points contradict each other."""
-BEHIND = 10.0
-"""Cost of a point that the rays meet behind a capture point: the mirrored solutions have all of them there."""
-GRAZING = 0.02
-"""Least cosine of a ray with a surface's normal."""
-SAMPLES = 2000
-"""Sets of eight points that are tried where many may be wrong."""
 
 
 @dataclass(frozen=True)
@@ -107,20 +94,24 @@ class RelativePose:
         return float(np.sqrt(np.mean(self.residuals**2)))
 
 
-def relate(points: SharedPoints) -> RelativePose:
+def relate(points: SharedPoints, tuned: CalibrationParameters = DEFAULT) -> RelativePose:
     """Find the second panorama's pose from clicked points, all of which count.
+
+    Args:
+        points: the clicked points.
+        tuned: how it is looked for, and what is taken for a contradiction.
 
     Raises:
         InputError: there are too few, nothing gives the scale, or they contradict each other; the message names the one
             without which the others agree.
     """
     check_enough(points)
-    pose = _solved(points)
-    if pose.misfit > CONTRADICTION:
-        better = [(*_without(points, number), number) for number in range(len(points.names))]
+    pose = _solved(points, tuned)
+    if pose.misfit > tuned.second_contradiction:
+        better = [(*_without(points, number, tuned), number) for number in range(len(points.names))]
         misfit, residual, worst = min(better)
         words = ""
-        if misfit < 0.4 * pose.misfit:
+        if misfit < tuned.second_culprit * pose.misfit:
             words = f"; without {points.names[worst]} they agree to {np.degrees(residual):.2f} degrees: look at it"
         raise InputError(
             f"the shared points contradict each other: no pose fits them better than {np.degrees(pose.residual):.2f} "
@@ -129,19 +120,22 @@ def relate(points: SharedPoints) -> RelativePose:
     return pose
 
 
-def relate_robustly(points: SharedPoints, tolerance: float) -> tuple[RelativePose | None, NDArray[np.bool_]]:
+def relate_robustly(
+    points: SharedPoints, tolerance: float, tuned: CalibrationParameters = DEFAULT
+) -> tuple[RelativePose | None, NDArray[np.bool_]]:
     """Find the pose from matches of which many may be wrong (RANSAC with the eight-point algorithm on spheres).
 
     Args:
         points: the matches.
         tolerance: residual of a right match, radians.
+        tuned: how it is looked for.
 
     Returns:
         The pose from the right matches, ``None`` where they are too few for one, and which those are, shape (n,).
     """
     rng = np.random.default_rng(0)
     count = len(points.names)
-    chosen = np.argsort(rng.random((SAMPLES, count)), axis=1)[:, :8]
+    chosen = np.argsort(rng.random((tuned.second_samples, count)), axis=1)[:, :8]
     essential = _essential(points.first[chosen], points.second[chosen])
     # Rows: first . E second, and its gradients.
     forward = np.einsum("sij,nj->sni", essential, points.second)
@@ -150,18 +144,18 @@ def relate_robustly(points: SharedPoints, tolerance: float) -> tuple[RelativePos
     best = int(np.argmax(right.sum(axis=1)))
     agree = np.asarray(right[best])
     starts = None
-    for _ in range(3):
+    for _ in range(tuned.second_rounds):
         kept = points.some(agree)
         if len(kept.names) < LEAST_UNPLACED or (kept.placed.sum() < LEAST_PLACED and points.baseline is None):
             return None, agree
         starts = starts or _from_essential(_essential(kept.first[None], kept.second[None])[0])
-        pose = _solved(kept, starts)
+        pose = _solved(kept, tuned, starts)
         starts = [Rotation.from_matrix(pose.rotation)]
         agree = _off(points, pose.rotation, pose.position) < tolerance
-    return _solved(points.some(agree), starts), agree
+    return _solved(points.some(agree), tuned, starts), agree
 
 
-def refine(points: SharedPoints, pose: RelativePose) -> RelativePose:
+def refine(points: SharedPoints, pose: RelativePose, tuned: CalibrationParameters = DEFAULT) -> RelativePose:
     """The pose from points that are known better than before.
 
     Its expected errors are larger where the points agree less than their own errors let expect, as they do where the model
@@ -170,8 +164,9 @@ def refine(points: SharedPoints, pose: RelativePose) -> RelativePose:
     Args:
         points: all of which count.
         pose: near the solution.
+        tuned: how points are weighted.
     """
-    refined = _solved(points, [Rotation.from_matrix(pose.rotation)])
+    refined = _solved(points, tuned, [Rotation.from_matrix(pose.rotation)])
     count = len(points.names)
     # Two numbers a point, of which the pose fits six.
     excess = max(1.0, refined.misfit * float(np.sqrt(count / max(2 * count - 6, 1))))
@@ -201,19 +196,19 @@ def check_enough(points: SharedPoints) -> None:
         )
 
 
-def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> RelativePose:
+def _solved(points: SharedPoints, tuned: CalibrationParameters, starts: list[Rotation] | None = None) -> RelativePose:
     """The best pose by least squares, from rotations or from everywhere."""
     if starts is None:
-        starts = list(Rotation.random(STARTS, random_state=0))
+        starts = list(Rotation.random(tuned.second_starts, random_state=0))
         if len(points.names) >= LEAST_UNPLACED:
             starts += _from_essential(_essential(points.first[None], points.second[None])[0])
     begun = []
     for rotation in starts:
         matrix = rotation.as_matrix()
         for position in _positions(points, matrix):
-            off = _off(points, matrix, position) / _spread(points, position)
-            behind = BEHIND * np.count_nonzero(_behind(points, matrix, position))
-            begun.append((float(np.log1p((off / 3.0) ** 2).sum()) + behind, rotation, position))
+            off = _off(points, matrix, position) / _spread(points, position, tuned)
+            behind = tuned.second_behind * np.count_nonzero(_behind(points, matrix, position))
+            begun.append((float(np.log1p((off / tuned.second_start_scale) ** 2).sum()) + behind, rotation, position))
     begun.sort(key=lambda each: each[0])
 
     def parts(vector: FloatArray, start: Rotation) -> tuple[FloatArray, FloatArray]:
@@ -221,7 +216,7 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
 
     def fitted(rotation: Rotation, position: FloatArray) -> tuple[float, Rotation, FloatArray, FloatArray]:
         """Cost, rotation, position and Jacobian near a start; points are weighted as from there."""
-        whiten = _whitening(points, position)
+        whiten = _whitening(points, position, tuned)
 
         def errors(vector: FloatArray) -> FloatArray:
             matrix, place = parts(vector, rotation)
@@ -231,19 +226,23 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
                 off = np.append(off, 100.0 * np.log(max(length, 1e-9) / points.baseline))
             return np.asarray(off)
 
-        found = least_squares(errors, [0.0, 0.0, 0.0, *position], loss="soft_l1", f_scale=2.0, x_scale=0.1)
+        start, scale = [0.0, 0.0, 0.0, *position], tuned.second_scale
+        found = least_squares(errors, start, loss="soft_l1", f_scale=scale, x_scale=0.1)
         matrix, place = parts(found.x, rotation)
-        cost = float(found.cost) + BEHIND * np.count_nonzero(_behind(points, matrix, place))
+        cost = float(found.cost) + tuned.second_behind * np.count_nonzero(_behind(points, matrix, place))
         return cost, Rotation.from_matrix(matrix), place, found.jac
 
-    best = min((fitted(rotation, position) for _, rotation, position in begun[:KEPT]), key=lambda each: each[0])
-    for _ in range(WEIGHINGS):
+    best = min(
+        (fitted(rotation, position) for _, rotation, position in begun[: tuned.second_kept]), key=lambda each: each[0]
+    )
+    for _ in range(tuned.second_weighings):
         best = fitted(*best[1:3])
     _, turned, place, jacobian = best
     matrix = np.asarray(turned.as_matrix())
     covariance = np.linalg.pinv(jacobian.T @ jacobian)
     off = np.abs(_off(points, matrix, place))
     away = np.linalg.norm(_triangulated(points, matrix, place) - place, axis=1)
+    whitened = np.einsum("nij,nj->ni", _whitening(points, place, tuned), _vectors(points, matrix, place))
     return RelativePose(
         matrix,
         place,
@@ -251,22 +250,18 @@ def _solved(points: SharedPoints, starts: list[Rotation] | None = None) -> Relat
         100.0 * off * away,
         float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))),
         float(np.sqrt(np.trace(covariance[3:, 3:]))),
-        float(
-            np.sqrt(
-                np.mean(np.einsum("nij,nj->ni", _whitening(points, place), _vectors(points, matrix, place)) ** 2) * 3.0
-            )
-        ),
+        float(np.sqrt(np.mean(whitened**2) * 3.0)),
     )
 
 
-def _without(points: SharedPoints, number: int) -> tuple[float, float]:
+def _without(points: SharedPoints, number: int, tuned: CalibrationParameters) -> tuple[float, float]:
     """Misfit and residual without a point; infinite where too few are left."""
     rest = points.some(np.arange(len(points.names)) != number)
     try:
         check_enough(rest)
     except InputError:
         return np.inf, np.inf
-    pose = _solved(rest)
+    pose = _solved(rest, tuned)
     return pose.misfit, pose.residual
 
 
@@ -310,24 +305,25 @@ def _off(points: SharedPoints, rotation: FloatArray, position: FloatArray) -> Fl
     return np.asarray(np.linalg.norm(_vectors(points, rotation, position), axis=1))
 
 
-def _spread(points: SharedPoints, position: FloatArray, along: bool = True) -> FloatArray:
+def _spread(points: SharedPoints, position: FloatArray, tuned: CalibrationParameters, along: bool = True) -> FloatArray:
     """Standard deviation of each point's miss, radians: a place is off by the first click, seen from the second point.
 
     Args:
         points: the shared points.
         position: of the second capture point.
+        tuned: how grazing a surface counts.
         along: the first point's ray, on which a grazing surface moves a place far; else across it.
     """
     near = np.linalg.norm(points.places - points.origin, axis=1)
     far = np.maximum(np.linalg.norm(points.places - position, axis=1), 0.1 * near)
     facing = np.ones(len(near))
     if along and points.normals is not None:
-        facing = np.maximum(np.abs((points.first * points.normals).sum(axis=1)), GRAZING)
+        facing = np.maximum(np.abs((points.first * points.normals).sum(axis=1)), tuned.second_grazing)
     share = np.nan_to_num(near / np.maximum(far, 1e-9) / facing)
     return points.click_errors * np.sqrt(1.0 + share**2)
 
 
-def _whitening(points: SharedPoints, position: FloatArray) -> FloatArray:
+def _whitening(points: SharedPoints, position: FloatArray, tuned: CalibrationParameters) -> FloatArray:
     """Matrices that turn the vectors of :func:`_vectors` into multiples of their standard deviation, shape (n, 3, 3).
 
     The vectors are axes of rotations: a miss along the first ray turns about the normal of the epipolar plane.
@@ -336,7 +332,7 @@ def _whitening(points: SharedPoints, position: FloatArray) -> FloatArray:
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
     along = normal[:, :, None] * normal[:, None] * points.placed[:, None, None]
     across = np.eye(3) - along
-    one, other = (_spread(points, position, way)[:, None, None] for way in (True, False))
+    one, other = (_spread(points, position, tuned, way)[:, None, None] for way in (True, False))
     return np.asarray(along / one + across / other)
 
 

@@ -12,29 +12,7 @@ from scipy.spatial.transform import Rotation
 from lightdepth.calibration.arcs import Arcs
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
-
-TOLERANCE = 0.5
-"""Degrees by which the ends of an edge may be off for it to count fully or partly."""
-
-HORIZONTAL_WEIGHT = 0.03
-"""Weight of a horizontal edge beside a vertical one. Gravity makes verticals plumb; walls are only roughly square to
-each other, and a stitched panorama stretches heights more than it leans verticals. These errors are shared by many
-edges, so that their number does not lessen them. Horizontals are left to decide the heading, and the level where there
-are hardly any verticals."""
-
-SHORT = 10.0
-"""Degrees of length up to which an edge's ends get more certain with it. The detector fits a segment to all its pixels, so
-that the variance of its ends falls with its length, but only down to what masonry and stitching leave: in proportion to
-1 + SHORT / length."""
-
-HALVES = 16
-"""How many random halves of the edges are solved again for the confidence."""
-
-AGREEMENT = 1.0
-"""Degrees within which the solution of a half must be."""
-
-SMALLEST_ERROR = 0.2
-"""Degrees. No agreement of edges makes a frame more certain: masons and stitching leave as much."""
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
 
 @dataclass(frozen=True)
@@ -61,7 +39,12 @@ class RoomFrame:
     axis: NDArray[np.int64]
 
 
-def find_room_frame(arcs: Arcs, progress: Callable[[float], None] = lambda share: None, seed: int = 0) -> RoomFrame:
+def find_room_frame(
+    arcs: Arcs,
+    progress: Callable[[float], None] = lambda share: None,
+    seed: int = 0,
+    tuned: CalibrationParameters = DEFAULT,
+) -> RoomFrame:
     """Find the three perpendicular directions that most edges point along (a Manhattan frame).
 
     Frames through the vanishing points of random triples of edges are scored by how much length of edges points along
@@ -72,45 +55,46 @@ def find_room_frame(arcs: Arcs, progress: Callable[[float], None] = lambda share
         arcs: the panorama's straight edges.
         progress: is called with the share done, in [0, 1].
         seed: for the random triples.
+        tuned: how it is found.
 
     Raises:
         InputError: there are too few edges, or no three directions that they point along.
     """
-    if len(arcs) < 20:
+    if len(arcs) < tuned.frame_fewest_edges:
         raise InputError(
-            f"automatic calibration: {len(arcs)} straight edges found, at least 20 are needed; use a floor rectangle "
-            "or verticals instead"
+            f"automatic calibration: {len(arcs)} straight edges found, at least {tuned.frame_fewest_edges} are needed; "
+            "use a floor rectangle or verticals instead"
         )
     random = np.random.default_rng(seed)
-    rotation = _search(arcs, random, 800)
+    rotation = _search(arcs, random, tuned.frame_triples, tuned)
     level, heading, agree = [], [], []
-    for done in range(HALVES):
+    for done in range(tuned.frame_halves):
         half = arcs.take(random.permutation(len(arcs))[: len(arcs) // 2])
-        other = _nearest_quarter_turn(_search(half, random, 200), rotation)
+        other = _nearest_quarter_turn(_search(half, random, tuned.frame_half_triples, tuned), rotation)
         step = other @ rotation.T
         level.append(np.degrees(np.arccos(np.clip(step[2, 2], -1.0, 1.0))))
         heading.append(abs(np.degrees(np.arctan2(step[1, 0], step[0, 0]))))
-        agree.append(np.degrees(np.arccos(np.clip((np.trace(step) - 1) / 2, -1.0, 1.0))) < AGREEMENT)
-        progress((done + 1) / HALVES)
+        agree.append(np.degrees(np.arccos(np.clip((np.trace(step) - 1) / 2, -1.0, 1.0))) < tuned.frame_agreement)
+        progress((done + 1) / tuned.frame_halves)
     deviation = arcs.deviation(rotation)
     axis = np.abs(deviation).argmin(axis=0)
     deviation = np.take_along_axis(deviation, axis[None], axis=0)[0]
-    axis[np.abs(deviation) > TOLERANCE] = -1
+    axis[np.abs(deviation) > tuned.frame_tolerance] = -1
     if (axis < 0).all():
         raise InputError("automatic calibration: no edges of a room found; use a floor rectangle or verticals instead")
     return RoomFrame(
         rotation=rotation,
         confidence=float(np.mean(agree)),
         # A half differs from the whole as much as the whole does from the truth (delete-half jackknife).
-        level_error=max(SMALLEST_ERROR, float(np.sqrt(np.mean(np.square(level))))),
-        heading_error=max(SMALLEST_ERROR, float(np.sqrt(np.mean(np.square(heading))))),
+        level_error=max(tuned.frame_least_error, float(np.sqrt(np.mean(np.square(level))))),
+        heading_error=max(tuned.frame_least_error, float(np.sqrt(np.mean(np.square(heading))))),
         residual=float(np.sqrt(np.mean(deviation[axis >= 0] ** 2))),
         arcs=arcs,
         axis=axis,
     )
 
 
-def _search(arcs: Arcs, random: np.random.Generator, triples: int) -> FloatArray:
+def _search(arcs: Arcs, random: np.random.Generator, triples: int, tuned: CalibrationParameters) -> FloatArray:
     """The best frame: rotation from light space, shape (3, 3), whose rows are the axes in light space."""
     share = arcs.length / arcs.length.sum()
     first, second, third = arcs.normal[random.choice(len(arcs), (3, triples), p=share)]
@@ -122,9 +106,9 @@ def _search(arcs: Arcs, random: np.random.Generator, triples: int) -> FloatArray
     frames = np.stack([x, np.cross(z, x), z], axis=1)
     if len(frames) == 0:
         frames = np.eye(3)[None]
-    best = np.argsort(-_scores(arcs, frames, 2 * TOLERANCE))[:5]
-    candidates = np.stack([_refine(arcs, _upright(frames[index])) for index in best])
-    return candidates[np.argmax(_scores(arcs, candidates, TOLERANCE))]
+    best = np.argsort(-_scores(arcs, frames, 2 * tuned.frame_tolerance))[: tuned.frame_kept]
+    candidates = np.stack([_refine(arcs, _upright(frames[index]), tuned) for index in best])
+    return candidates[np.argmax(_scores(arcs, candidates, tuned.frame_tolerance))]
 
 
 def _scores(arcs: Arcs, frames: FloatArray, tolerance: float) -> FloatArray:
@@ -145,16 +129,16 @@ def _upright(rotation: FloatArray) -> FloatArray:
     return np.stack([np.cross(y, z), y, z])
 
 
-def _refine(arcs: Arcs, rotation: FloatArray) -> FloatArray:
+def _refine(arcs: Arcs, rotation: FloatArray, tuned: CalibrationParameters) -> FloatArray:
     """Least squares of the deviations, long edges counting more, with Tukey's weights, at first more tolerant."""
-    for step in range(15):
-        tolerance = TOLERANCE * max(1.0, 2.0 - 0.25 * step)
+    for step in range(tuned.frame_steps):
+        tolerance = tuned.frame_tolerance * max(1.0, 2.0 - 0.25 * step)
         deviation = arcs.deviation(rotation)
         nearest = np.abs(deviation).argmin(axis=0)
         error = np.take_along_axis(deviation, nearest[None], axis=0)[0]
         weight = np.maximum(0.0, 1.0 - (error / tolerance) ** 2) ** 2
-        weight[nearest != 2] *= HORIZONTAL_WEIGHT
-        weight /= 1.0 + np.radians(SHORT) / arcs.length
+        weight[nearest != 2] *= tuned.frame_horizontal_weight
+        weight /= 1.0 + np.radians(tuned.frame_short) / arcs.length
         # Turning the frame by a small rotation vector r about light space's axes changes n . a by r . (a x n).
         leverage = np.take_along_axis(arcs.leverage(rotation), nearest[None], axis=0)[0]
         slope = np.cross(rotation[nearest], arcs.normal) * leverage[:, None]

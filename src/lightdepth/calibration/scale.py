@@ -10,9 +10,8 @@ import numpy as np
 from lightdepth.calibration.clicks import read_clicks
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
-PLUMB = 3.0
-"""Degrees of azimuth within which two points are taken to stand one above the other."""
 OPTION = "--scale-from"
 
 
@@ -50,7 +49,7 @@ def read_known_length(text: str, size: tuple[int, int] | None) -> KnownLength:
     return KnownLength(read_clicks(points, size, OPTION, 2), metres)
 
 
-def height_from_length(known: KnownLength, rotation: FloatArray) -> float:
+def height_from_length(known: KnownLength, rotation: FloatArray, tuned: CalibrationParameters = DEFAULT) -> float:
     """Height of the capture point above the floor, metres.
 
     Points one above the other are a plumb edge that begins on the floor, such as a door's; two others lie on the floor.
@@ -58,6 +57,7 @@ def height_from_length(known: KnownLength, rotation: FloatArray) -> float:
     Args:
         known: the points.
         rotation: light space to a level world, shape (3, 3).
+        tuned: what counts as plumb.
 
     Raises:
         InputError: no point is on the floor, or the points coincide.
@@ -69,7 +69,7 @@ def height_from_length(known: KnownLength, rotation: FloatArray) -> float:
     low = int(np.argmin(slopes))
     if slopes[low] > -0.01:
         raise InputError(f"{OPTION}: neither point lies below the horizon; one of them at least must be on the floor")
-    if apart < PLUMB:
+    if apart < tuned.plumb:
         rise = 1.0 - slopes[1 - low] / slopes[low]
         if rise < 1e-3:
             raise InputError(f"{OPTION}: the two points coincide; click the foot and the top of a plumb edge")
@@ -77,7 +77,7 @@ def height_from_length(known: KnownLength, rotation: FloatArray) -> float:
     if slopes.max() > -0.01:
         raise InputError(
             f"{OPTION}: the points lie {apart:.1f} degrees of azimuth apart, and one of them is not below the horizon; "
-            f"click the foot and the top of a plumb edge (within {PLUMB:g} degrees), or two points on the floor"
+            f"click the foot and the top of a plumb edge (within {tuned.plumb:g} degrees), or two points on the floor"
         )
     floor = world[:, :2] / -world[:, 2:]
     return float(known.length / np.linalg.norm(floor[1] - floor[0]))

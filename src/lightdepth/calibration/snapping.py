@@ -12,25 +12,15 @@ from numpy.typing import NDArray
 from lightdepth.calibration.line_detection import display_brightness, sample_panorama
 from lightdepth.calibration.rectangle import FloorRectangle, check_shape, put_in_order
 from lightdepth.directions import FloatArray
-
-REACH = 3.0
-"""Standard deviations of a click within which the edge is searched."""
-
-SNAPPED_PIXELS = 0.5
-"""Standard deviation of a corner found, along either axis, in pixels of the panorama."""
-
-LEAST_AGREEMENT = 0.85
-"""Share of a side's length along which the picture must get brighter toward the same side of it."""
-
-MOST_EDGES = 3
-"""How many edges beside each other are considered for a side."""
-
-CORNER_SHARE = 0.06
-"""Share of a side at either end that is not looked at: what lies there may belong to the other side."""
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
 
 def snap_rectangle(
-    radiance: NDArray[np.float32], rectangle: FloorRectangle, camera_height: float | None, click_error: float
+    radiance: NDArray[np.float32],
+    rectangle: FloorRectangle,
+    camera_height: float | None,
+    click_error: float,
+    tuned: CalibrationParameters = DEFAULT,
 ) -> tuple[FloorRectangle, list[str]]:
     """Move the corners to where edges seen along the rectangle's sides meet.
 
@@ -43,6 +33,7 @@ def snap_rectangle(
         rectangle: as clicked.
         camera_height: metres above the floor, where known.
         click_error: standard deviation of a click along either axis, degrees.
+        tuned: how edges are looked for.
 
     Returns:
         The rectangle, with the corners' own error where they were moved, and warnings.
@@ -56,7 +47,7 @@ def snap_rectangle(
     corners = ordered.corners
     sides = []
     for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        sides.append(_find_edges(brightness, start, end, REACH * click_error, pixel))
+        sides.append(_find_edges(brightness, start, end, tuned.snap_reach * click_error, pixel, tuned))
         if not sides[-1]:
             names = [int(np.argmax((rectangle.corners == corner).all(axis=1))) + 1 for corner in (start, end)]
             return rectangle, [f"no edge is seen from corner {names[0]} to {names[1]}; the clicks were not moved"]
@@ -66,8 +57,10 @@ def snap_rectangle(
         found /= np.linalg.norm(found, axis=1, keepdims=True)
         found *= np.sign(np.sum(found * corners, axis=1, keepdims=True))
         moved = np.degrees(np.arccos(np.clip(np.sum(found * corners, axis=1), -1.0, 1.0)))
-        snapped = replace(ordered, corners=found, error=min(click_error, SNAPPED_PIXELS * pixel))
-        if moved.max() < 1.5 * REACH * click_error and not check_shape(snapped, camera_height, click_error):
+        snapped = replace(ordered, corners=found, error=min(click_error, tuned.snap_error * pixel))
+        if moved.max() < 1.5 * tuned.snap_reach * click_error and not check_shape(
+            snapped, camera_height, click_error, tuned
+        ):
             return snapped, []
     return rectangle, [
         "the edges seen along the rectangle's sides are not those of such a rectangle; the clicks were not moved"
@@ -75,7 +68,12 @@ def snap_rectangle(
 
 
 def _find_edges(
-    brightness: NDArray[np.float32], start: FloatArray, end: FloatArray, reach: float, pixel: float
+    brightness: NDArray[np.float32],
+    start: FloatArray,
+    end: FloatArray,
+    reach: float,
+    pixel: float,
+    tuned: CalibrationParameters,
 ) -> list[tuple[float, FloatArray]]:
     """The edges near a side; a rug's border has several.
 
@@ -85,6 +83,7 @@ def _find_edges(
         end: its second.
         reach: degrees across the side by which its ends may be off.
         pixel: size of a pixel, degrees.
+        tuned: how they are looked for.
 
     Returns:
         For each the logarithm of its likelihood, and its great circle's unit normal, shape (3,).
@@ -95,12 +94,12 @@ def _find_edges(
     middle = (start + end) / np.linalg.norm(start + end)
     # Rows go along the side, columns across it, half a pixel each.
     step = np.radians(pixel / 2)
-    along = np.linspace(-half, half, int(np.clip(2 * half / step, 24, 400))) * (1.0 - 2.0 * CORNER_SHARE)
+    along = np.linspace(-half, half, int(np.clip(2 * half / step, 24, 400))) * (1.0 - 2.0 * tuned.snap_corner)
     margin = int(np.ceil(reach / pixel * 2)) + 6
     across = step * np.arange(-margin, margin + 1)
     on_side = np.cos(along)[:, None] * middle + np.sin(along)[:, None] * np.cross(normal, middle)
     strip = sample_panorama(brightness, np.cos(across)[:, None] * on_side[:, None] + np.sin(across)[:, None] * normal)
-    slope = cv2.Sobel(cv2.GaussianBlur(strip, (0, 0), 1.5), cv2.CV_32F, 1, 0)
+    slope = cv2.Sobel(cv2.GaussianBlur(strip, (0, 0), tuned.snap_blur), cv2.CV_32F, 1, 0)
     # By how much a great circle lies off the side where its ends do by one.
     by_start, by_end = np.sin(half - along) / np.sin(2 * half), np.sin(half + along) / np.sin(2 * half)
     rows = np.arange(len(along), dtype=np.float32)
@@ -114,16 +113,16 @@ def _find_edges(
     grid = np.linspace(-1.0, 1.0, 2 * margin + 1)
     coarse = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     score = np.abs(on_circles(np.sign(slope) * np.sqrt(np.abs(slope)), np.radians(reach) * coarse).mean(axis=1))
-    likelihood = np.log(score + 1e-9) - 0.5 * np.sum(np.square(REACH / 2 * coarse), axis=1)
+    likelihood = np.log(score + 1e-9) - 0.5 * np.sum(np.square(tuned.snap_reach / 2 * coarse), axis=1)
     grid = np.linspace(-step, step, 21)
     fine = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
     edges = []
-    for _ in range(MOST_EDGES):
+    for _ in range(tuned.snap_most_edges):
         index = int(np.argmax(likelihood))
         nearby = np.radians(reach) * coarse[index] + fine
         best = nearby[np.argmax(np.abs(on_circles(slope, nearby).mean(axis=1)))]
         values = on_circles(slope, best[None])[0]
-        if np.mean(values * np.sign(values.mean()) > 0) > LEAST_AGREEMENT:
+        if np.mean(values * np.sign(values.mean()) > 0) > tuned.snap_least_agreement:
             circle = np.cross(start + best[0] * normal, end + best[1] * normal)
             edges.append((float(likelihood[index]), circle / np.linalg.norm(circle)))
         off = np.abs((coarse - coarse[index]).mean(axis=1)) * reach

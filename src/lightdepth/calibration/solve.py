@@ -20,15 +20,10 @@ from lightdepth.calibration.rectangle import (
 from lightdepth.calibration.room_frame import RoomFrame
 from lightdepth.directions import FloatArray, euler_rotation
 from lightdepth.errors import InputError
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
 ORIGINS = ("corner", "centre", "camera")
 """Where the world's origin can be on the floor."""
-
-MEASURE_ERROR = 0.01
-"""Relative standard deviation of a length measured in the place."""
-
-PARALLEL = 5.0
-"""Degrees within which a floor rectangle is taken to lie along the walls."""
 
 
 @dataclass(frozen=True)
@@ -93,12 +88,12 @@ class Calibration:
         return float(np.degrees(np.arccos(np.clip(self.rotation[2, 2], -1.0, 1.0))))
 
 
-def calibrate(cues: Cues, origin: str = "corner") -> Calibration:
+def calibrate(cues: Cues, origin: str = "corner", tuned: CalibrationParameters = DEFAULT) -> Calibration:
     """Find the pose that fits all cues best.
 
     The unknowns are the rotation and, with a rectangle, the camera's place over it and the rectangle's size. Every cue
-    is an error in units of its own standard deviation: clicks by ``click_error``, measured lengths by one percent, the
-    room's directions by their spread. The level follows from all cues together. The heading follows from the first of
+    is an error in units of its own standard deviation: clicks by ``click_error``, measured lengths by ``measure_error``,
+    the room's directions by their spread. The level follows from all cues together. The heading follows from the first of
     these that is given: ``heading``, the rectangle (with the walls where parallel to it), the walls; else the
     panorama's centre column looks along +y.
 
@@ -106,6 +101,7 @@ def calibrate(cues: Cues, origin: str = "corner") -> Calibration:
         cues: what is known.
         origin: where the world's origin is on the floor: at the rectangle's first corner, at its centre, or under the
             camera; without a rectangle always under the camera.
+        tuned: what is taken for an error, and what for a contradiction.
 
     Raises:
         InputError: the cues do not suffice or are impossible.
@@ -115,8 +111,8 @@ def calibrate(cues: Cues, origin: str = "corner") -> Calibration:
     rectangle = cues.rectangle
     if rectangle is not None:
         rectangle, found = put_in_order(rectangle)
-        warnings += found + check_shape(rectangle, cues.camera_height, cues.click_error)
-    problem = _Problem(cues, rectangle)
+        warnings += found + check_shape(rectangle, cues.camera_height, cues.click_error, tuned)
+    problem = _Problem(cues, rectangle, tuned)
     warnings += problem.warnings
     start = problem.start()
     solution = least_squares(problem.errors, start, method="lm", x_scale="jac", xtol=1e-10, ftol=1e-10)
@@ -139,7 +135,7 @@ def calibrate(cues: Cues, origin: str = "corner") -> Calibration:
         corners=corners - zero if corners is not None else None,
         confidence=cues.room.confidence if cues.room is not None else None,
     )
-    warnings += _doubts(result, cues)
+    warnings += _doubts(result, cues, tuned)
     return replace(result, warnings=tuple(warnings))
 
 
@@ -212,14 +208,15 @@ class _Problem:
     and of the camera height in metres; with a rectangle and a heading also the rectangle's own heading, radian.
     """
 
-    def __init__(self, cues: Cues, rectangle: FloorRectangle | None):
+    def __init__(self, cues: Cues, rectangle: FloorRectangle | None, tuned: CalibrationParameters):
         self.cues = cues
+        self.tuned = tuned
         self.rectangle = rectangle
         self.warnings: list[str] = []
         self.turns_freely = rectangle is not None and cues.heading is not None
         self.room = cues.room
         others = rectangle is not None or (cues.verticals is not None and len(cues.verticals) >= 3)
-        if self.room is not None and self.room.confidence < 0.5 and others:
+        if self.room is not None and self.room.confidence < tuned.sure_directions and others:
             self.warnings.append(
                 f"the automatic directions were left out: their confidence is only {self.room.confidence:.2f}"
             )
@@ -260,7 +257,7 @@ class _Problem:
         wall = max(walls, key=lambda direction: float(direction @ self._start_rotation[1]))
         x, y, _ = self._start_rotation @ wall
         off = abs(np.degrees(np.arctan2(x, y)))
-        if off > PARALLEL:
+        if off > self.tuned.walls_parallel:
             self.warnings.append(
                 f"the rectangle lies {off:.1f} degrees askew to the walls found; these were used for the level only"
             )
@@ -311,7 +308,8 @@ class _Problem:
                 (self.rectangle.length, length + height),
                 (self.cues.camera_height, height),
             )
-            errors.append(np.array([(found - np.log(value)) / MEASURE_ERROR for value, found in known if value]))
+            relative = [found - np.log(value) for value, found in known if value]
+            errors.append(np.array(relative) / self.tuned.measure_error)
         if self.cues.verticals is not None:
             errors.append(self.cues.verticals.deviation(rotation[2]) / click)
         if self.room is not None:
@@ -362,23 +360,23 @@ def _heading_rotation(up: FloatArray, direction: FloatArray, bearing: float) -> 
     return euler_rotation([0.0, 0.0, -bearing]) @ np.stack([x, np.cross(up, x), up])
 
 
-def _doubts(result: Calibration, cues: Cues) -> list[str]:
+def _doubts(result: Calibration, cues: Cues, tuned: CalibrationParameters) -> list[str]:
     """Warnings about a solution."""
     warnings = []
     for name, value in result.residuals.items():
-        if name != "room" and value > 3.0 * cues.click_error:
+        if name != "room" and value > tuned.doubtful_clicks * cues.click_error:
             warnings.append(
                 f"the {name} miss{'es' if name == 'rectangle' else ''} the solution by {value:.2f} degrees, "
                 f"more than clicks are expected to ({cues.click_error:.2f})"
             )
-    if result.tilt > 60.0:
+    if result.tilt > tuned.doubtful_tilt:
         warnings.append(f"the panorama would be tilted by {result.tilt:.0f} degrees: is the rectangle on the floor?")
-    if result.expected_error is not None and result.expected_error > 1.0:
+    if result.expected_error is not None and result.expected_error > tuned.doubtful_rotation:
         warnings.append(
             f"the rotation is only known to about {result.expected_error:.1f} degrees: add another "
             "cue (verticals, automatic), or click a rectangle that is larger or nearer"
         )
-    if cues.room is not None and result.confidence is not None and result.confidence < 0.5:
+    if cues.room is not None and result.confidence is not None and result.confidence < tuned.sure_directions:
         warnings.append(
             f"the automatic directions are doubtful (confidence {result.confidence:.2f}): "
             "is this a room with straight edges?"

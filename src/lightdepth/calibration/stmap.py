@@ -11,9 +11,7 @@ from scipy.optimize import least_squares
 from lightdepth.cameras.perspective import Perspective
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
-
-FEW = 4000
-"""Pixels of a map to which a lens is fitted."""
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
 
 def pixel_centres(width: int, height: int) -> FloatArray:
@@ -72,13 +70,16 @@ class FittedLens:
     largest: float
 
 
-def fit_lens(film: NDArray[np.float64], fov: float, undistorts: bool) -> FittedLens:
+def fit_lens(
+    film: NDArray[np.float64], fov: float, undistorts: bool, tuned: CalibrationParameters = DEFAULT
+) -> FittedLens:
     """Find the coefficients by which an ST map distorts.
 
     Args:
         film: positions as :func:`lightdepth.images.stmap.read_stmap` returns them; without overscan.
         fov: horizontal field of view without distortion, degrees; the coefficients go by it.
         undistorts: whether the map undistorts a picture; else it distorts one.
+        tuned: to how many pixels.
 
     Raises:
         InputError: the map has too few pixels that lie in the other picture.
@@ -89,7 +90,7 @@ def fit_lens(film: NDArray[np.float64], fov: float, undistorts: bool) -> FittedL
     if seen.sum() < 16:
         raise InputError("hardly any pixel of the ST map points into the other picture (0 to 1)")
     here, there = here[seen], there[seen]
-    chosen = np.unique(np.linspace(0, len(here) - 1, FEW).astype(int))
+    chosen = np.unique(np.linspace(0, len(here) - 1, tuned.map_pixels).astype(int))
     straight, bent = (here[chosen], there[chosen]) if undistorts else (there[chosen], here[chosen])
     half = np.tan(np.radians(0.5 * fov))
     size = np.array([2.0 * half, 2.0 * half * height / width])

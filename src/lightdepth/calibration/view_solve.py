@@ -16,19 +16,7 @@ from lightdepth.cameras.distortion import RadialDistortion
 from lightdepth.cameras.perspective import Perspective
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
-
-FIELDS_OF_VIEW = (18.0, 28.0, 40.0, 55.0, 70.0, 88.0, 108.0)
-"""Degrees from which the search begins where the field of view is free."""
-STARTS = 5
-SPINS = 24
-MEASURE_ERROR = 0.01
-"""Relative standard deviation of a length measured in the place."""
-FALSE_ALARM = 1e-3
-"""Chance that clicks as good as they are said to be are called contradictory."""
-HOPELESS = 8.0
-"""Root mean square residual, in click errors, from which there is no use in a result."""
-UNDETERMINED = 1e-6
-LARGEST_COEFFICIENT = 3.0
+from lightdepth.parameters.calibration import DEFAULT, CalibrationParameters
 
 
 @dataclass(frozen=True)
@@ -60,17 +48,18 @@ class ViewCalibration:
     warnings: tuple[str, ...] = ()
 
 
-def calibrate_view(cues: ViewCues) -> ViewCalibration:
+def calibrate_view(cues: ViewCues, tuned: CalibrationParameters = DEFAULT) -> ViewCalibration:
     """Find the camera of a photograph.
 
     Args:
         cues: what is known.
+        tuned: how it is looked for, and what is taken for a contradiction.
 
     Raises:
         InputError: what is given does not determine the camera, or contradicts itself.
     """
     _check_enough(cues)
-    problem, vector = _solved(cues)
+    problem, vector = _solved(cues, tuned)
     result = _result(problem, vector)
     against = [line.name for line in cues.lines if line.directed and problem.runs_against(line, vector)]
     if against:
@@ -78,9 +67,9 @@ def calibrate_view(cues: ViewCues) -> ViewCalibration:
             f"{', '.join(against)}: runs against the other lines; click every line in the direction of its axis, from "
             "minus to plus (z upward)"
         )
-    if result.probability < FALSE_ALARM:
-        words = _contradiction(cues, result, (problem.reference, vector))
-        if result.residual > HOPELESS * cues.click_error:
+    if result.probability < tuned.view_false_alarm:
+        words = _contradiction(cues, result, (problem.reference, vector), tuned)
+        if result.residual > tuned.view_hopeless * cues.click_error:
             raise InputError(words)
         result = replace(result, warnings=(*result.warnings, words))
     return result
@@ -100,14 +89,16 @@ def _check_enough(cues: ViewCues) -> None:
         )
 
 
-def _solved(cues: ViewCues, near: tuple[FloatArray, FloatArray] | None = None) -> tuple[_Problem, FloatArray]:
+def _solved(
+    cues: ViewCues, tuned: CalibrationParameters, near: tuple[FloatArray, FloatArray] | None = None
+) -> tuple[_Problem, FloatArray]:
     """The unknowns that fit best; ``near`` is a rotation and a vector to begin with."""
-    problem = _Problem(cues)
+    problem = _Problem(cues, tuned)
     if near is not None and len(near[1]) == problem.count:
         problem.reference, vector = near
         starts = [(0.0, vector)]
     else:
-        starts = sorted(problem.starts(), key=lambda start: start[0])[:STARTS]
+        starts = sorted(problem.starts(), key=lambda start: start[0])[: tuned.view_starts]
     if not starts:
         raise InputError(
             "the lines and points given do not determine a camera: give two or more lines along one "
@@ -117,7 +108,10 @@ def _solved(cues: ViewCues, near: tuple[FloatArray, FloatArray] | None = None) -
     best: Any = None
     for _, vector in starts:
         vector = np.clip(vector, low + 1e-9, high - 1e-9)
-        found = least_squares(problem.errors, vector, bounds=(low, high), x_scale=problem.scales(vector), max_nfev=60)
+        scales = problem.scales(vector)
+        found = least_squares(
+            problem.errors, vector, bounds=(low, high), x_scale=scales, max_nfev=tuned.view_evaluations
+        )
         if best is None or found.cost < best.cost * (1.0 - 1e-9):
             best = found
         if 2.0 * best.cost < max(1, problem.freedom(len(best.fun)) - problem.count):
@@ -130,7 +124,7 @@ def _solved(cues: ViewCues, near: tuple[FloatArray, FloatArray] | None = None) -
 
 
 def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
-    cues = problem.cues
+    cues, tuned = problem.cues, problem.tuned
     errors = problem.errors(vector)
     if not np.isfinite(errors).all():
         raise InputError(
@@ -141,7 +135,7 @@ def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
     _, singular, right = np.linalg.svd(scaled, full_matrices=True)
     least = np.zeros(len(vector))
     least[: len(singular)] = singular
-    if least.min() < UNDETERMINED * least.max():
+    if least.min() < tuned.view_undetermined * least.max():
         weakest = int(np.argmax(np.abs(right[-1])))
         raise InputError(
             f"the lines and points given do not determine {problem.name_of(weakest)}; {problem.advice(weakest)}"
@@ -161,12 +155,12 @@ def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
     if cues.fov is None:
         half = 0.5 * cues.size[0] / state.focal
         fov_error = float(np.degrees(2.0 * half / (1.0 + half * half)) * deviation[problem.places["focal"]][0])
-        if deviation[problem.places["focal"]][0] > 0.03:
+        if deviation[problem.places["focal"]][0] > tuned.doubtful_focal_length:
             warnings.append(
                 f"the focal length is only known to {100.0 * deviation[problem.places['focal']][0]:.0f} %: give --fov, or "
                 "lines along another axis that recede from the camera"
             )
-    if direction > 1.0:
+    if direction > tuned.doubtful_rotation:
         warnings.append(
             f"the camera's direction is only known to {direction:.1f} degrees: give more or longer lines, or more points"
         )
@@ -189,7 +183,9 @@ def _result(problem: _Problem, vector: FloatArray) -> ViewCalibration:
     )
 
 
-def _contradiction(cues: ViewCues, result: ViewCalibration, near: tuple[FloatArray, FloatArray]) -> str:
+def _contradiction(
+    cues: ViewCues, result: ViewCalibration, near: tuple[FloatArray, FloatArray], tuned: CalibrationParameters
+) -> str:
     """Words for clicks that no camera fits, with the one without which the others agree."""
     words = (
         f"the clicks contradict each other: they miss every camera by {result.residual:.1f} pixels, where "
@@ -205,12 +201,12 @@ def _contradiction(cues: ViewCues, result: ViewCalibration, near: tuple[FloatArr
         )
         try:
             _check_enough(fewer)
-            without = _result(*_solved(fewer, near))
+            without = _result(*_solved(fewer, tuned, near))
         except (InputError, np.linalg.LinAlgError):
             continue
         if best is None or without.residual < best[0]:
             best = without.residual, name
-    if best is not None and best[0] < 0.5 * result.residual:
+    if best is not None and best[0] < tuned.view_culprit * result.residual:
         return f"{words}; without {best[1]}, {best[0]:.1f}: look at that one"
     worst = max(result.residuals, key=lambda name: result.residuals[name])
     return f"{words}; {worst} misses by most, {result.residuals[worst]:.1f}"
@@ -232,8 +228,9 @@ class _State:
 class _Problem:
     """Vector of unknowns: rotation vector from a start, position, logarithm of the focal length, and so on."""
 
-    def __init__(self, cues: ViewCues) -> None:
+    def __init__(self, cues: ViewCues, tuned: CalibrationParameters) -> None:
         self.cues = cues
+        self.tuned = tuned
         self.reference = np.eye(3)
         counts = [len(line.clicks) for line in cues.lines]
         self._clicks = np.concatenate([line.clicks for line in cues.lines]) if cues.lines else np.empty((0, 2))
@@ -284,7 +281,8 @@ class _Problem:
         """Of the unknowns; only the lens has some."""
         low, high = np.full(self.count, -np.inf), np.full(self.count, np.inf)
         if "lens" in self.places:
-            low[self.places["lens"]], high[self.places["lens"]] = -LARGEST_COEFFICIENT, LARGEST_COEFFICIENT
+            largest = self.tuned.view_largest_distortion
+            low[self.places["lens"]], high[self.places["lens"]] = -largest, largest
         if "centre" in self.places:
             low[self.places["centre"]], high[self.places["centre"]] = -0.5, 1.5
         if "focal" in self.places:
@@ -353,7 +351,7 @@ class _Problem:
         errors = [part / self.cues.click_error for part in self._missed(state).values()]
         height = self.cues.camera_height
         if height is not None and state.position is not None:
-            errors.append(np.array([(state.position[2] - height) / (MEASURE_ERROR * height)]))
+            errors.append(np.array([(state.position[2] - height) / (self.tuned.measure_error * height)]))
         return np.nan_to_num(np.concatenate(errors), nan=1e6, posinf=1e6, neginf=-1e6).clip(-1e6, 1e6)
 
     def freedom(self, count: int) -> int:
@@ -447,7 +445,7 @@ class _Problem:
     def starts(self) -> list[tuple[float, FloatArray]]:
         """Vectors of unknowns to begin with, each with the cost that it has."""
         width = self.cues.size[0]
-        fields = FIELDS_OF_VIEW if self.cues.fov is None else (self.cues.fov,)
+        fields = self.tuned.view_fovs if self.cues.fov is None else (self.cues.fov,)
         found = []
         for fov in fields:
             focal = 0.5 * width / np.tan(np.radians(0.5 * fov))
@@ -496,7 +494,7 @@ class _Problem:
                 helper = np.eye(3)[np.argmin(np.abs(direction))]
                 across = np.cross(direction, helper)
                 across /= np.linalg.norm(across)
-                for angle in np.arange(SPINS) * 2.0 * np.pi / SPINS:
+                for angle in np.arange(self.tuned.view_spins) * 2.0 * np.pi / self.tuned.view_spins:
                     turned = np.cos(angle) * across + np.sin(angle) * np.cross(direction, across)
                     rotations += self._from_directions({axis: direction, (axis + 1) % 3: turned})
         if len(self.cues.points) >= 4:

@@ -10,28 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.capture.recovery import trust
-
-LONG_SIDE = 1600
-"""Photographs are compared at this size at most, in pixels; the result is good to some hundredths of such a pixel."""
-
-LEAST_CORRELATION = 0.8
-"""Below this two photographs were not found to show the same; they are then taken to lie as they are."""
-
-_STOP = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 60, 1e-5)
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 
-def comparison_image(photograph: NDArray) -> NDArray[np.float32]:
+def comparison_image(photograph: NDArray, tuned: CaptureParameters = DEFAULT) -> NDArray[np.float32]:
     """What alignment needs of a photograph: grey readings in [0, 1], made small.
 
     Args:
         photograph: RGB, 8 or 16 bits, shape (height, width, 3).
+        tuned: how small.
     """
-    scale = min(1.0, LONG_SIDE / max(photograph.shape[:2]))
+    scale = min(1.0, tuned.align_side / max(photograph.shape[:2]))
     small = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     return small[:, :, 1].astype(np.float32) / np.iinfo(photograph.dtype).max
 
 
-def align(images: Sequence[NDArray[np.float32]], amounts: Sequence[float]) -> list[NDArray[np.float64]]:
+def align(
+    images: Sequence[NDArray[np.float32]], amounts: Sequence[float], tuned: CaptureParameters = DEFAULT
+) -> list[NDArray[np.float64]]:
     """Shift and rotation of each photograph against the middle exposure, found from one exposure to the next.
 
     Median threshold bitmaps (Ward 2003) find the shift coarsely; the enhanced correlation coefficient (Evangelidis and
@@ -40,6 +36,7 @@ def align(images: Sequence[NDArray[np.float32]], amounts: Sequence[float]) -> li
     Args:
         images: :func:`comparison_image` of each photograph.
         amounts: exposures, in any order.
+        tuned: how exactly, and what is believed.
 
     Returns:
         For each photograph a matrix of shape (2, 3) that takes pixels of the middle exposure's comparison image to
@@ -50,7 +47,7 @@ def align(images: Sequence[NDArray[np.float32]], amounts: Sequence[float]) -> li
     found = {int(order[middle]): np.eye(3)}
     for chain in (order[middle::-1], order[middle:]):
         for known, unknown in pairwise(chain):
-            found[int(unknown)] = _between(images[known], images[unknown]) @ found[int(known)]
+            found[int(unknown)] = _between(images[known], images[unknown], tuned) @ found[int(known)]
     return [found[index][:2] for index in range(len(images))]
 
 
@@ -72,18 +69,19 @@ def move(photograph: NDArray, matrix: NDArray[np.float64], scale: float) -> NDAr
     return cv2.warpAffine(photograph, full, (width, height), flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
 
 
-def _between(first: NDArray[np.float32], second: NDArray[np.float32]) -> NDArray[np.float64]:
+def _between(first: NDArray[np.float32], second: NDArray[np.float32], tuned: CaptureParameters) -> NDArray[np.float64]:
     """Matrix (3, 3) from pixels of ``first`` to pixels of ``second``; the identity where nothing can be compared."""
-    visible = (trust(first) > 0.3) & (second > 0.03)
-    if visible.mean() < 0.001:
+    visible = (trust(first, tuned) > tuned.align_trust) & (second > tuned.align_reading)
+    if visible.mean() < tuned.align_least_share:
         return np.eye(3)
     dx, dy = cv2.createAlignMTB(6).calculateShift(_bytes(second), _bytes(first))
     mask = cv2.dilate(visible.astype(np.uint8), np.ones((9, 9), np.uint8))
-    best, best_correlation = np.eye(3), LEAST_CORRELATION
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, tuned.align_iterations, tuned.align_change)
+    best, best_correlation = np.eye(3), tuned.align_least_correlation
     for start in (np.eye(2, 3), np.array([[1.0, 0.0, -dx], [0.0, 1.0, -dy]])):
         try:
             correlation, matrix = cv2.findTransformECC(
-                first, second, start.astype(np.float32), cv2.MOTION_EUCLIDEAN, _STOP, mask, 5
+                first, second, start.astype(np.float32), cv2.MOTION_EUCLIDEAN, stop, mask, 5
             )
         except cv2.error:  # It did not converge from here.
             continue

@@ -11,20 +11,16 @@ from pathlib import Path
 from lightdepth.capture.exposure import Exposure, read_exposures
 from lightdepth.capture.photograph import OTHER_PICTURES, PHOTOGRAPHS
 from lightdepth.errors import InputError, warn
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 Bracket = list[tuple[Path, Exposure]]
 
 _NUMBERS = re.compile(r"([^0-9]*)([0-9]*)")
 
-SAME = 0.1
-"""Exposures that differ by less, in stops, are the same."""
 
-
-LEAST_STEP = 0.9
-"""Stops that a bracket spans at least where no exposure comes again."""
-
-
-def brackets_in_folder(folder: Path, table: Path | None = None, size: int | None = None) -> list[Bracket]:
+def brackets_in_folder(
+    folder: Path, table: Path | None = None, size: int | None = None, tuned: CaptureParameters = DEFAULT
+) -> list[Bracket]:
     """Group a folder's photographs into brackets, one for each orientation, in the order in which they were taken.
 
     Folders within the folder hold one bracket each. Otherwise see :func:`group_by_exposure`.
@@ -33,6 +29,7 @@ def brackets_in_folder(folder: Path, table: Path | None = None, size: int | None
         folder: holds photographs, or folders of photographs.
         table: exposures by file name, see :func:`lightdepth.capture.exposure.read_exposures`.
         size: photographs in a bracket, where the user states it.
+        tuned: which exposures are the same.
 
     Raises:
         InputError: there are no photographs, or their number is no multiple of ``size``.
@@ -54,28 +51,34 @@ def brackets_in_folder(folder: Path, table: Path | None = None, size: int | None
         if size < 1 or len(photographs) % size:
             raise InputError(f"{folder}: holds {len(photographs)} photographs, not a multiple of --bracket {size}")
         return [photographs[start : start + size] for start in range(0, len(photographs), size)]
-    return group_by_exposure(photographs)
+    return group_by_exposure(photographs, tuned)
 
 
-def group_by_exposure(photographs: Sequence[tuple[Path, Exposure]]) -> list[Bracket]:
+def group_by_exposure(
+    photographs: Sequence[tuple[Path, Exposure]], tuned: CaptureParameters = DEFAULT
+) -> list[Bracket]:
     """Split a sequence of photographs into brackets.
 
     Where the sequence of exposures comes again and again, its period is the bracket, whose exposures may repeat; the
     last one may lack some. So it is where only the steps between the exposures come again, as with a camera that meters
     each bracket for itself. Otherwise a bracket begins where an exposure occurs that the present one has already; where
     that gives no groups of (almost) the same exposures, every photograph stands alone, with a warning.
+
+    Args:
+        photographs: with their exposures, in the order in which they were taken.
+        tuned: which exposures are the same.
     """
-    period = _period(photographs) or _period_of_steps(photographs)
+    period = _period(photographs, tuned) or _period_of_steps(photographs, tuned)
     if period is not None:
         return [list(photographs[start : start + period]) for start in range(0, len(photographs), period)]
     groups: list[Bracket] = []
     for photograph in photographs:
-        if not groups or _contains(groups[-1], photograph[1]):
+        if not groups or _contains(groups[-1], photograph[1], tuned):
             groups.append([])
         groups[-1].append(photograph)
     largest = max(groups, key=len)
     alike = all(
-        len(group) * 3 >= len(largest) * 2 and all(_contains(largest, exposure) for _, exposure in group)
+        len(group) * 3 >= len(largest) * 2 and all(_contains(largest, exposure, tuned) for _, exposure in group)
         for group in groups
     )
     if alike and len(largest) > 1:
@@ -88,18 +91,18 @@ def group_by_exposure(photographs: Sequence[tuple[Path, Exposure]]) -> list[Brac
     return [[photograph] for photograph in photographs]
 
 
-def _period(photographs: Sequence[tuple[Path, Exposure]]) -> int | None:
+def _period(photographs: Sequence[tuple[Path, Exposure]], tuned: CaptureParameters) -> int | None:
     """After how many photographs the exposures come again; ``None`` where they do not, or are all the same."""
     exposures = [exposure for _, exposure in photographs]
-    if all(_same(exposure, exposures[0]) for exposure in exposures):
+    if all(_same(exposure, exposures[0], tuned) for exposure in exposures):
         return None
     for period in range(2, len(exposures) // 2 + 1):
-        if all(_same(before, after) for before, after in zip(exposures, exposures[period:], strict=False)):
+        if all(_same(before, after, tuned) for before, after in zip(exposures, exposures[period:], strict=False)):
             return period
     return None
 
 
-def _period_of_steps(photographs: Sequence[tuple[Path, Exposure]]) -> int | None:
+def _period_of_steps(photographs: Sequence[tuple[Path, Exposure]], tuned: CaptureParameters) -> int | None:
     """After how many photographs the steps in exposure come again, from about where they began."""
     stops = [math.log2(exposure.amount) for _, exposure in photographs]
     steps = [after - before for before, after in pairwise(stops)]
@@ -109,20 +112,20 @@ def _period_of_steps(photographs: Sequence[tuple[Path, Exposure]]) -> int | None
         within = [index for index in range(len(steps) - period) if index % period != period - 1]
         begins = [min(stops[start : start + period]) for start in range(0, len(stops) - period + 1, period)]
         if (
-            span > LEAST_STEP
-            and all(abs(steps[index] - steps[index + period]) < SAME for index in within)
+            span > tuned.bracket_least_span
+            and all(abs(steps[index] - steps[index + period]) < tuned.bracket_same for index in within)
             and all(abs(begin - begins[0]) < span / 2.0 for begin in begins)  # Else it is one bracket in equal steps.
         ):
             return period
     return None
 
 
-def _same(one: Exposure, other: Exposure) -> bool:
-    return 2.0**-SAME < one.amount / other.amount < 2.0**SAME
+def _same(one: Exposure, other: Exposure, tuned: CaptureParameters) -> bool:
+    return 2.0**-tuned.bracket_same < one.amount / other.amount < 2.0**tuned.bracket_same
 
 
-def _contains(group: Bracket, exposure: Exposure) -> bool:
-    return any(_same(other, exposure) for _, other in group)
+def _contains(group: Bracket, exposure: Exposure, tuned: CaptureParameters) -> bool:
+    return any(_same(other, exposure, tuned) for _, other in group)
 
 
 def _photographs(folder: Path) -> list[Path]:

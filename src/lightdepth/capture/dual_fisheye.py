@@ -19,23 +19,13 @@ from lightdepth.capture.fisheye import Circle, find_circle, refine_circle
 from lightdepth.capture.lens import Lens
 from lightdepth.capture.panorama import Panorama, blend, natural_width
 from lightdepth.capture.photometry import Photograph, Photometry
-from lightdepth.capture.stitching import DISTRUST, Orientation
+from lightdepth.capture.stitching import Orientation
 from lightdepth.errors import InputError
 from lightdepth.images.filling import fill, mark
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
-FOVS = np.arange(184.0, 221.0, 3.0)
-"""Fields of view that are tried, degrees."""
-AROUND, ACROSS = 720, 9
-"""Points along the seam and across it at which the two pictures are compared."""
-BAND = 1.2
-"""Degrees on both sides of the seam in which they are, while the field of view is not known."""
-RIM = 0.985
-"""Share of a circle's radius beyond which the lens mount shades the picture."""
-AGREEING = 0.5
-"""Correlation in the overlap below which poses found are not to be trusted."""
-BLURS = (6.0, 2.0)
-"""Pixels by which the pictures are blurred while they are aligned, one after the other."""
 STEPS = 5
+"""That ``progress`` counts."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +77,10 @@ class DualStitched:
 
 
 def stitch_dual(
-    picture: Orientation, options: DualOptions, progress: Callable[[str, int, int], None] = lambda *_: None
+    picture: Orientation,
+    options: DualOptions,
+    progress: Callable[[str, int, int], None] = lambda *_: None,
+    tuned: CaptureParameters = DEFAULT,
 ) -> DualStitched:
     """Find the circles, the field of view and how the lenses stand to each other, remap and blend.
 
@@ -97,35 +90,38 @@ def stitch_dual(
         picture: both circles, one beside or above the other.
         options: how.
         progress: called with a step's name, its number and the number of steps.
+        tuned: what is tried and compared.
 
     Raises:
         InputError: the picture is not twice as long as wide, or a circle lies outside it.
     """
     warnings: list[str] = []
     progress("circles", 0, STEPS)
-    circles = options.circles or _find_circles(picture, warnings)
-    parts = [_cut(picture, circle) for circle in circles]
+    circles = options.circles or _find_circles(picture, warnings, tuned)
+    parts = [_cut(picture, circle, tuned) for circle in circles]
     progress("seam", 1, STEPS)
     model = _Model(options.projection, options.distortion, circles, options.turn)
-    seam = _Seam([part.radiance for part in parts], [part.seen for part in parts])
-    fov, back, agreement = _aligned(model, seam, options.fov)
-    if agreement < AGREEING:
+    seam = _Seam([part.radiance for part in parts], [part.seen for part in parts], tuned)
+    fov, back, agreement = _aligned(model, seam, options.fov, tuned)
+    if agreement < tuned.dual_agreeing:
         warnings.append(
             f"{picture.name}: the two circles agree little where they overlap (correlation {agreement:.2f} of 1): "
             "look at the seam; state --fov, --circles, or the kind of --lens"
         )
     lenses = model.lenses(fov, back)
     progress("exposures", 2, STEPS)
-    photometry = _photometry(parts, lenses, options.gains)
+    photometry = _photometry(parts, lenses, options.gains, tuned)
     stops = float(np.log2(photometry.gains[1] / photometry.gains[0]).mean())
-    if abs(stops) > 0.5:
+    if abs(stops) > tuned.large_gain:
         warnings.append(f"{picture.name}: the exposures of the two lenses differ by {stops:+.2f} stops")
     photographs = [
-        Photograph(part.radiance, np.where(part.reliable, 1.0, DISTRUST).astype(np.float32) * part.seen, lens)
+        Photograph(
+            part.radiance, np.where(part.reliable, 1.0, tuned.stitch_distrust).astype(np.float32) * part.seen, lens
+        )
         for part, lens in zip(parts, lenses, strict=True)
     ]
     progress("blending", 3, STEPS)
-    panorama = blend(photographs, photometry, options.width or natural_width(lenses))
+    panorama = blend(photographs, photometry, options.width or natural_width(lenses), tuned)
     progress("uncovered directions", 4, STEPS)
     radiance = panorama.radiance
     if options.uncovered == "fill":
@@ -135,7 +131,7 @@ def stitch_dual(
     return DualStitched(replace(panorama, radiance=radiance), circles, fov, lenses, photometry, agreement, warnings)
 
 
-def _find_circles(picture: Orientation, warnings: list[str]) -> tuple[Circle, Circle]:
+def _find_circles(picture: Orientation, warnings: list[str], tuned: CaptureParameters) -> tuple[Circle, Circle]:
     """The circle in each half of a picture; where its edge is not seen, the largest that fits."""
     height, width = picture.radiance.shape[:2]
     aside = width >= height
@@ -151,7 +147,7 @@ def _find_circles(picture: Orientation, warnings: list[str]) -> tuple[Circle, Ci
         level = max(float(np.percentile(half, 90)), 1e-12)
         codes = np.clip(255.0 * np.sqrt(np.maximum(half, 0.0) / level), 0, 255).astype(np.uint8)
         try:
-            circle = refine_circle(find_circle([codes]), half)
+            circle = refine_circle(find_circle([codes], tuned), half, tuned)
         except InputError:
             rows, columns = half.shape[:2]
             circle = Circle(columns / 2.0, rows / 2.0, min(rows, columns) / 2.0)
@@ -160,7 +156,7 @@ def _find_circles(picture: Orientation, warnings: list[str]) -> tuple[Circle, Ci
     return found[0], found[1]
 
 
-def _cut(picture: Orientation, circle: Circle) -> Orientation:
+def _cut(picture: Orientation, circle: Circle, tuned: CaptureParameters) -> Orientation:
     """The square around a circle."""
     left, top, side = circle.box()
     height, width = picture.radiance.shape[:2]
@@ -169,7 +165,7 @@ def _cut(picture: Orientation, circle: Circle) -> Orientation:
             f"{picture.name}: the circle {circle.x:g},{circle.y:g},{circle.radius:g} lies outside its {width} x {height} "
             "pixels"
         )
-    local = Circle(circle.x - left, circle.y - top, RIM * circle.radius)
+    local = Circle(circle.x - left, circle.y - top, tuned.dual_rim * circle.radius)
     seen = circle.crop(picture.seen) & local.inside(side, side)
     return Orientation(picture.name, circle.crop(picture.radiance), seen, circle.crop(picture.reliable) & seen)
 
@@ -214,9 +210,13 @@ class _Seam:
     Args:
         radiance: of each, shape (side, side, 3).
         seen: of each, shape (side, side).
+        tuned: at how many points they are compared.
     """
 
-    def __init__(self, radiance: list[NDArray[np.float32]], seen: list[NDArray[np.bool_]]) -> None:
+    def __init__(
+        self, radiance: list[NDArray[np.float32]], seen: list[NDArray[np.bool_]], tuned: CaptureParameters
+    ) -> None:
+        self._tuned = tuned
         self._seen = [each.astype(np.float32) for each in seen]
         floor = max(float(np.median(np.concatenate([r[s] for r, s in zip(radiance, seen, strict=True)]))), 1e-12)
         self._logs = [np.log(np.maximum(each.mean(axis=2), 0.0) / floor + 0.02).astype(np.float32) for each in radiance]
@@ -231,7 +231,7 @@ class _Seam:
 
     def agreement(self, lenses: tuple[Lens, Lens], band: float) -> float:
         """Correlation of the two within ``band`` degrees of the seam, each circle around it by itself, from -1 to 1."""
-        directions = _ring(band)
+        directions = _ring(band, self._tuned)
         looks, known = [], np.ones(directions.shape[:2], bool)
         for lens, logs, seen in zip(lenses, self._blurred, self._seen, strict=True):
             x, y = (
@@ -242,7 +242,7 @@ class _Seam:
             known &= cv2.remap(seen, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT) > 0.99
         total, weight = 0.0, 0.0
         for first, second, both in zip(*looks, known, strict=True):
-            if both.sum() < AROUND // 2:
+            if both.sum() < self._tuned.dual_around // 2:
                 continue
             first, second = first[both] - first[both].mean(), second[both] - second[both].mean()
             spread = float(np.sqrt(np.square(first).sum() * np.square(second).sum()))
@@ -250,25 +250,30 @@ class _Seam:
         return total / weight if weight > 0.0 else -1.0
 
 
-def _ring(band: float) -> NDArray[np.float64]:
-    """Directions around the seam, which passes through the poles, shape (ACROSS, AROUND, 3)."""
-    turn = np.linspace(0.0, 2.0 * np.pi, AROUND, endpoint=False)
-    off = np.radians(np.linspace(-band, band, ACROSS))[:, None]
-    forward = np.broadcast_to(np.sin(off), (ACROSS, AROUND))
+def _ring(band: float, tuned: CaptureParameters) -> NDArray[np.float64]:
+    """Directions around the seam, which passes through the poles, shape (across, around, 3)."""
+    turn = np.linspace(0.0, 2.0 * np.pi, tuned.dual_around, endpoint=False)
+    off = np.radians(np.linspace(-band, band, tuned.dual_across))[:, None]
+    forward = np.broadcast_to(np.sin(off), (tuned.dual_across, tuned.dual_around))
     return np.stack([np.cos(off) * np.cos(turn), forward, np.cos(off) * np.sin(turn)], axis=-1)
 
 
-def _aligned(model: _Model, seam: _Seam, fov: float | None) -> tuple[float, NDArray[np.float64], float]:
+def _aligned(
+    model: _Model, seam: _Seam, fov: float | None, tuned: CaptureParameters
+) -> tuple[float, NDArray[np.float64], float]:
     """Field of view, pose of the second lens, and how well the two agree."""
-    seam.blur(BLURS[0])
-    fovs = FOVS if fov is None else np.array([fov])
+    blurs, step = tuned.dual_blurs, tuned.dual_fov_step
+    seam.blur(blurs[0])
+    fovs = np.array([fov])
+    if fov is None:
+        fovs = np.arange(tuned.dual_smallest_fov, tuned.dual_largest_fov + 0.5 * step, step)
     tries = [(each, np.array([0.0, 0.0, roll])) for each in fovs for roll in (0.0, 90.0, 180.0, 270.0)]
-    found = max(tries, key=lambda pair: seam.agreement(model.lenses(float(pair[0]), pair[1]), BAND))
+    found = max(tries, key=lambda pair: seam.agreement(model.lenses(float(pair[0]), pair[1]), tuned.dual_band))
     values = np.array([found[0], *found[1]])
     free = slice(0, 4) if fov is None else slice(1, 4)
-    for blur in BLURS:
+    for blur in blurs:
         seam.blur(blur)
-        band = float(np.clip(RIM * values[0] / 2.0 - 90.5, BAND, 8.0))
+        band = float(np.clip(tuned.dual_rim * values[0] / 2.0 - 90.5, tuned.dual_band, tuned.dual_widest_band))
 
         def cost(step: NDArray[np.float64], around: NDArray[np.float64] = values, band: float = band) -> float:
             tried = around.copy()
@@ -276,21 +281,23 @@ def _aligned(model: _Model, seam: _Seam, fov: float | None) -> tuple[float, NDAr
             return -seam.agreement(model.lenses(float(tried[0]), tried[1:]), band)
 
         count = values[free].size
-        simplex = np.vstack([np.zeros(count), np.eye(count) * (1.5 if blur == BLURS[0] else 0.3)])
+        simplex = np.vstack([np.zeros(count), np.eye(count) * (1.5 if blur == blurs[0] else 0.3)])
         result = minimize(
             cost,
             np.zeros(count),
             method="Nelder-Mead",
-            options={"initial_simplex": simplex, "maxfev": 160, "xatol": 0.005, "fatol": 1e-6},
+            options={"initial_simplex": simplex, "maxfev": tuned.dual_evaluations, "xatol": 0.005, "fatol": 1e-6},
         )
         values = values.copy()
         values[free] += result.x
     return float(values[0]), values[1:], float(-result.fun)
 
 
-def _photometry(parts: list[Orientation], lenses: tuple[Lens, Lens], gains: bool) -> Photometry:
+def _photometry(
+    parts: list[Orientation], lenses: tuple[Lens, Lens], gains: bool, tuned: CaptureParameters
+) -> Photometry:
     """Gains of the two pictures by their overlap. Vignetting cannot be known: both see the seam at the same radius."""
-    directions = _ring(3.0).reshape(-1, 3)
+    directions = _ring(tuned.dual_gain_band, tuned).reshape(-1, 3)
     looks, known = [], np.ones(len(directions), bool)
     for part, lens in zip(parts, lenses, strict=True):
         x, y = (np.nan_to_num(axis, nan=-1.0) for axis in lens.project(directions))
@@ -298,7 +305,7 @@ def _photometry(parts: list[Orientation], lenses: tuple[Lens, Lens], gains: bool
         inside = (x >= 0) & (x < lens.width) & (y >= 0) & (y < lens.height)
         looks.append(cv2.blur(part.radiance, (5, 5))[row, column].astype(np.float64))
         known &= inside & part.reliable[row, column] & (looks[-1].min(axis=1) > 0.0)
-    if known.sum() < AROUND // 4:
+    if known.sum() < tuned.dual_around // 4:
         return Photometry((0.0, 0.0, 0.0), np.ones((2, 3)), float("nan"), float("nan"))
     ratio = np.log(looks[1][known] / looks[0][known])
     # Half to each, so that neither lens decides the exposure.

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
-
-_BLACK = 0.012
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 
 @dataclass(frozen=True)
@@ -71,13 +70,14 @@ def parse_circle(text: str) -> Circle:
     return Circle(x, y, radius)
 
 
-def find_circle(photographs: Iterable[NDArray]) -> Circle:
+def find_circle(photographs: Iterable[NDArray], tuned: CaptureParameters = DEFAULT) -> Circle:
     """Find the fisheye circle in a bracket: bright inside, black outside.
 
     Long exposures show stray light outside the circle; the first photograph with black outside decides.
 
     Args:
         photographs: from the longest exposure to the shortest, RGB, 8 or 16 bits, each of shape (height, width, 3).
+        tuned: what is black, and what a circle.
 
     Returns:
         The circle, in pixels.
@@ -86,28 +86,29 @@ def find_circle(photographs: Iterable[NDArray]) -> Circle:
         InputError: there is no such circle.
     """
     for photograph in photographs:
-        scale = min(1.0, 1200.0 / max(photograph.shape[:2]))
+        scale = min(1.0, tuned.circle_side / max(photograph.shape[:2]))
         small = cv2.resize(photograph, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         light = cv2.blur(small.max(axis=2).astype(np.float32) / np.iinfo(photograph.dtype).max, (3, 3))
-        if np.percentile(light, 3) > _BLACK:
+        if np.percentile(light, 3) > tuned.circle_black:
             continue
-        points = _edge_points(light)
-        if len(points) < 24:
+        points = _edge_points(light, tuned)
+        if len(points) < tuned.circle_fewest_points:
             continue
-        circle, share = _fit(points)
-        if share > 0.6:
+        circle, share = _fit(points, tuned)
+        if share > tuned.circle_least_share:
             return Circle(circle.x / scale, circle.y / scale, circle.radius / scale)
     raise InputError("no fisheye circle was found in the photographs; state it as --circle x,y,r in pixels")
 
 
-def refine_circle(circle: Circle, radiance: NDArray[np.float32]) -> Circle:
+def refine_circle(circle: Circle, radiance: NDArray[np.float32], tuned: CaptureParameters = DEFAULT) -> Circle:
     """A circle moved to where linear light falls to half of what it is within; as it is where that is seen too seldom.
 
     Args:
         circle: right within some pixels.
         radiance: linear, shape (height, width, 3).
+        tuned: how far it is moved, and by what.
     """
-    reach = max(4.0, 0.03 * circle.radius)
+    reach = max(4.0, tuned.circle_reach * circle.radius)
     turn = np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False)
     outward = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
     radii = np.arange(circle.radius - reach, circle.radius + reach, 0.25)
@@ -120,11 +121,12 @@ def refine_circle(circle: Circle, radiance: NDArray[np.float32]) -> Circle:
     outer = np.median(profile[:, -len(radii) // 4 :], axis=1)
     above = profile > 0.5 * (inner + outer)[:, None]
     last = len(radii) - 1 - np.argmax(above[:, ::-1], axis=1)
-    good = (inner > 4.0 * outer) & (inner > 0.1 * np.median(inner)) & (last > 0) & (last < len(radii) - 1)
-    if good.mean() < 0.5:
+    lit = (inner > tuned.circle_contrast * outer) & (inner > tuned.circle_lit * np.median(inner))
+    good = lit & (last > 0) & (last < len(radii) - 1)
+    if good.mean() < tuned.circle_least_lit:
         return circle
     points = np.array([circle.x, circle.y]) + outward[good] * (radii[last[good]] + 0.125)[:, None]
-    for tolerance in (2.0, 1.0, 0.5):
+    for tolerance in tuned.circle_tolerances:
         fitted = circle_through(points)
         near = _distance(points, fitted) < tolerance
         if near.sum() < 90:
@@ -133,12 +135,12 @@ def refine_circle(circle: Circle, radiance: NDArray[np.float32]) -> Circle:
     return circle_through(points)
 
 
-def _edge_points(light: NDArray[np.float32]) -> NDArray[np.float64]:
+def _edge_points(light: NDArray[np.float32], tuned: CaptureParameters) -> NDArray[np.float64]:
     """Where rays from outside toward the image's centre first meet light; ``(x, y)`` of shape (n, 2)."""
     height, width = light.shape
     centre = np.array([width / 2.0, height / 2.0])
     dark = np.percentile(light, 2)
-    threshold = dark + 0.15 * (np.percentile(light, 90) - dark)
+    threshold = dark + tuned.circle_edge * (np.percentile(light, 90) - dark)
     points = []
     for angle in np.linspace(0.0, 2.0 * np.pi, 720, endpoint=False):
         direction = np.array([np.cos(angle), np.sin(angle)])
@@ -152,13 +154,13 @@ def _edge_points(light: NDArray[np.float32]) -> NDArray[np.float64]:
     return np.array(points).reshape(-1, 2)
 
 
-def _fit(points: NDArray[np.float64], tolerance: float = 2.5) -> tuple[Circle, float]:
+def _fit(points: NDArray[np.float64], tuned: CaptureParameters) -> tuple[Circle, float]:
     """The circle through most points by random sampling, refined on them, and the share of points on it."""
     rng = np.random.default_rng(0)
     best = np.zeros(len(points), dtype=bool)
-    for _ in range(300):
+    for _ in range(tuned.circle_trials):
         circle = circle_through(points[rng.choice(len(points), 3, replace=False)])
-        on_it = _distance(points, circle) < tolerance
+        on_it = _distance(points, circle) < tuned.circle_tolerance
         if on_it.sum() > best.sum():
             best = on_it
     if best.sum() < 3:

@@ -16,14 +16,12 @@ from lightdepth.capture.lens import PROJECTIONS, Lens
 from lightdepth.capture.project import angle_between, read_project
 from lightdepth.capture.rig import Rig
 from lightdepth.errors import InputError, LightdepthError, SetupError
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 PACKAGES = {"enblend": "enblend"}
 """Debian packages of the tools; those not named are in ``hugin-tools``."""
 
 ALIGNMENT_TOOLS = ("pto_gen", "pto_var", "cpfind", "cpclean", "autooptimiser", "pano_modify")
-
-RIG_TOLERANCE = 12.0
-"""How far the camera may stand from where the rig says, in degrees, field of view included."""
 
 LENS_VARIABLES = "v,a,b,c,d,e"
 
@@ -101,6 +99,7 @@ def find_poses(
     circular: bool,
     progress: Callable[[str], None],
     searching: Callable[[int, int], None],
+    tuned: CaptureParameters = DEFAULT,
 ) -> tuple[Path, Path]:
     """Find control points and optimise lens and poses.
 
@@ -115,6 +114,7 @@ def find_poses(
         progress: called before each step with its name.
         searching: called while control points are searched, with how many images and pairs of images of how many have
             been looked at.
+        tuned: which control points and lenses are plausible.
 
     Returns:
         ``(matched, optimised)``: project files with the control points found, and with lens and poses. Without control
@@ -150,7 +150,7 @@ def find_poses(
 
     run("cpfind", strategy, "--sieve2size", "3", "-o", "matched.pto", project, folder=folder, on_line=on_line)
     progress("cleaning control points")
-    project = "matched.pto" if rig is None else _near_the_rig(folder, "matched.pto", "likely.pto")
+    project = "matched.pto" if rig is None else _near_the_rig(folder, "matched.pto", "likely.pto", tuned)
     project = _clean(folder, project)
     if _count(folder, project) == 0:
         if rig is None:
@@ -169,7 +169,7 @@ def find_poses(
         edited = _edit(folder, project, f"variables{step}.pto", f"--opt=y,p,r,{lens},{anchor}")
         run("autooptimiser", "-n", "-o", f"optimised{step}.pto", edited, folder=folder)
         # Few control points cannot hold many variables; the last plausible lens is then kept.
-        if not _plausible(read_project(folder / f"optimised{step}.pto")[0][0], fov):
+        if not _plausible(read_project(folder / f"optimised{step}.pto")[0][0], fov, tuned):
             break
         project = f"optimised{step}.pto"
     if rig is None:
@@ -178,15 +178,15 @@ def find_poses(
     return folder / "matched.pto", folder / project
 
 
-def _plausible(lens: Lens, expected_fov: float) -> bool:
+def _plausible(lens: Lens, expected_fov: float, tuned: CaptureParameters) -> bool:
     """Whether a lens could be real: about the expected field of view, mild distortion, axis near the centre."""
     radius = np.linspace(0.0, 1.0, 33)
     a, b, c = lens.distortion
     slope = 4 * a * radius**3 + 3 * b * radius**2 + 2 * c * radius + 1 - a - b - c
     return bool(
-        0.7 < lens.fov / expected_fov < 1.4
-        and 0.6 < slope.min() <= slope.max() < 1.6
-        and max(map(abs, lens.shift)) < 0.08 * lens.width
+        tuned.lens_least_fov < lens.fov / expected_fov < tuned.lens_greatest_fov
+        and tuned.lens_least_slope < slope.min() <= slope.max() < tuned.lens_greatest_slope
+        and max(map(abs, lens.shift)) < tuned.lens_shift * lens.width
     )
 
 
@@ -195,11 +195,11 @@ def _edit(folder: Path, project: str, result: str, change: str) -> str:
     return result
 
 
-def _near_the_rig(folder: Path, project: str, result: str) -> str:
+def _near_the_rig(folder: Path, project: str, result: str, tuned: CaptureParameters) -> str:
     """The project without control points that the rig's orientations make impossible."""
     lines = (folder / project).read_text().splitlines(keepends=True)
     lenses, points = read_project(folder / project)
-    likely = iter(angle_between(lenses, point) < RIG_TOLERANCE for point in points)
+    likely = iter(angle_between(lenses, point) < tuned.rig_tolerance for point in points)
     kept = [line for line in lines if not line.startswith("c ") or next(likely)]
     (folder / result).write_text("".join(kept))
     return result

@@ -21,30 +21,14 @@ from lightdepth.capture.photograph import (
     read_photograph,
     shared_white_balance,
 )
-from lightdepth.capture.recovery import BLACK, WHITE, choose_samples, recover_response, sample_patches, trust
+from lightdepth.capture.recovery import choose_samples, recover_response, sample_patches, trust
 from lightdepth.capture.response import Response, linear_response, srgb_response
 from lightdepth.errors import InputError, warn
 from lightdepth.images.orientation import mirrored_back
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, and how many of how many parts of it are done."""
-
-LEAST_TRUST = 0.05
-"""Trust in a black pixel of the longest exposure."""
-
-GHOST = 0.05
-"""Difference of readings in [0, 1] beyond which something moved; noise is alike in all readings, and much smaller."""
-
-
-UNLIKE = 1.5
-"""Photographs of one view whose brightness differs by more were not exposed as is stated."""
-
-CELLS = 32
-"""Width in cells of the small pictures by which the views of a bracket are compared."""
-LEAST_SHARE = 0.12
-"""Of the cells that two photographs must both expose well to be compared."""
-ALIKE, LIKENESS = 0.25, 0.4
-"""By how much the logarithm of a cell's brightness may differ in pictures of one view, and their correlation."""
 
 
 @dataclass(frozen=True)
@@ -69,13 +53,16 @@ class Merged:
 
 
 def shared_response(
-    brackets: Sequence[Sequence[tuple[Path, Exposure]]], progress: Progress = lambda *_: None
+    brackets: Sequence[Sequence[tuple[Path, Exposure]]],
+    progress: Progress = lambda *_: None,
+    tuned: CaptureParameters = DEFAULT,
 ) -> tuple[Response, str]:
     """The response of the camera that took some brackets.
 
     Args:
         brackets: photographs with their exposures, a list for each orientation; three of them are looked at.
         progress: called after each photograph.
+        tuned: how it is recovered, and from what.
 
     Returns:
         The response, and how it was found: "recovered from the bracket", "linear (RAW)", or "sRGB" with the reason.
@@ -91,13 +78,13 @@ def shared_response(
             continue  # A bracket with other exposures cannot share one system of samples.
         patches = []
         for path, _ in bracket:
-            patches.append(sample_patches(read_photograph(path)))
+            patches.append(sample_patches(read_photograph(path), tuned))
             done += 1
             progress("camera response", done, total)
         if len({mean.shape for mean, _ in patches}) > 1:
             raise InputError(f"{bracket[0][0]}: the photographs of its bracket have different sizes")
-        parts.append(choose_samples(patches, count=2000 // len(chosen)))
-    response = recover_response(np.concatenate(parts), amounts)
+        parts.append(choose_samples(patches, count=tuned.response_samples // len(chosen)))
+    response = recover_response(np.concatenate(parts), amounts, tuned)
     if response is None:
         return srgb_response(), "sRGB: the photographs do not determine the response"
     return response, "recovered from the bracket"
@@ -112,6 +99,7 @@ def merge(
     upright: bool = True,
     progress: Progress = lambda *_: None,
     white_balance: WhiteBalance | None = None,
+    tuned: CaptureParameters = DEFAULT,
 ) -> Merged:
     """Merge a bracket.
 
@@ -128,12 +116,13 @@ def merge(
             mirrored ones always mirrored back.
         progress: called after each photograph.
         white_balance: of RAW files; ``None`` is that of the bracket.
+        tuned: which readings count, and what is taken for a contradiction.
 
     Raises:
         InputError: a photograph cannot be read, sizes differ, exposures are said to be equal but are not, or no circle
             is found.
     """
-    white_balance = white_balance or shared_white_balance([path for path, _ in bracket])
+    white_balance = white_balance or shared_white_balance([path for path, _ in bracket], tuned)
     colours = camera_colours(bracket[0][0])
     if is_raw(bracket[0][0]) and not np.array_equal(response.curves, linear_response().curves):
         raise InputError(f"{bracket[0][0]}: is RAW, whose values are linear; a response (--response) does not apply")
@@ -164,15 +153,15 @@ def merge(
 
     shape: list[int] = []
     if circle == "auto":
-        circle = find_circle(load(index) for index in reversed(range(len(bracket))))
+        circle = find_circle((load(index) for index in reversed(range(len(bracket)))), tuned)
     matrices: list[NDArray[np.float64]] = []
     scale = 1.0
     if align:
         small = []
         for index in range(len(bracket)):
-            small.append(alignment.comparison_image(load(index)))
+            small.append(alignment.comparison_image(load(index), tuned))
             tick("aligning")
-        matrices = alignment.align(small, amounts)
+        matrices = alignment.align(small, amounts, tuned)
         scale = max(small[0].shape) / max(shape[:2])
 
     def readings(index: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -182,38 +171,38 @@ def merge(
             codes = alignment.move(codes, matrices[index], scale)
         if isinstance(circle, Circle):
             codes = circle.crop(codes)
-        return response.linear(codes) / np.float32(amounts[index]), _trust(codes)
+        return response.linear(codes) / np.float32(amounts[index]), _trust(codes, tuned)
 
-    reference = _reference(len(bracket), readings, tick) if deghost else None
+    reference = _reference(len(bracket), readings, tick, tuned) if deghost else None
     total: NDArray[np.float32] | None = None
     brightness, views = [], []
     for index, amount in enumerate(amounts):
         radiance, weight = readings(index)
         brightness.append(float(radiance.mean()))
-        views.append(_reduced(radiance, weight))
+        views.append(_reduced(radiance, weight, tuned))
         if total is None:
             total, weights = np.zeros_like(radiance), np.zeros_like(radiance)
             black = np.ones(radiance.shape[:2], bool)
             rejected = np.zeros(radiance.shape[:2], bool)
             channel_clipped = np.ones(radiance.shape, bool)
             shortest = radiance
-        level = response_bounds(response, amount)
+        level = response_bounds(response, amount, tuned)
         channel_clipped &= radiance > level[1]
         black &= (radiance < level[0]).all(axis=2)
         if index == len(amounts) - 1:
             # Nothing sees the dark better than the longest exposure: black there is black, whatever noise the shorter
             # ones read.
-            weight = np.maximum(weight, LEAST_TRUST * (radiance < level[1]))
+            weight = np.maximum(weight, tuned.merge_least_trust * (radiance < level[1]))
         if reference is not None:
-            moved = _moved(response.readings(radiance * amount), response.readings(reference * amount))
+            moved = _moved(response.readings(radiance * amount), response.readings(reference * amount), tuned)
             rejected |= moved
             weight = weight * ~moved[..., None]
         weight *= np.float32(amount)
         total += weight * radiance
         weights += weight
         tick("merging")
-    _check_exposures(bracket, brightness)
-    _check_views(bracket, views)
+    _check_exposures(bracket, brightness, tuned)
+    _check_views(bracket, views, tuned)
     assert total is not None
     clipped: NDArray[np.bool_] = np.asarray(channel_clipped.any(axis=2))
     known = weights > 0.0
@@ -231,16 +220,19 @@ def merge(
     return Merged(result, seen, clipped & seen, black & seen, ghosts, circle if isinstance(circle, Circle) else None)
 
 
-def _check_exposures(bracket: Sequence[tuple[Path, Exposure]], brightness: Sequence[float]) -> None:
+def _check_exposures(
+    bracket: Sequence[tuple[Path, Exposure]], brightness: Sequence[float], tuned: CaptureParameters
+) -> None:
     """Refuse photographs that are said to be exposed alike but are not.
 
     Args:
         bracket: from the least to the greatest exposure.
         brightness: mean radiance that each shows.
+        tuned: what is not alike.
     """
     amounts = [exposure.amount for _, exposure in bracket]
     dark, bright = int(np.argmin(brightness)), int(np.argmax(brightness))
-    if max(amounts) < 1.05 * min(amounts) and brightness[bright] > UNLIKE * brightness[dark]:
+    if max(amounts) < tuned.merge_same * min(amounts) and brightness[bright] > tuned.merge_unlike * brightness[dark]:
         raise InputError(
             f"{bracket[bright][0]}: is exposed like {bracket[dark][0].name} by its EXIF data, but is "
             f"{brightness[bright] / max(brightness[dark], 1e-12):.3g} times as bright; state time, aperture and ISO in a "
@@ -248,30 +240,35 @@ def _check_exposures(bracket: Sequence[tuple[Path, Exposure]], brightness: Seque
         )
 
 
-def _reduced(radiance: NDArray[np.float32], weight: NDArray[np.float32]) -> NDArray[np.float32]:
+def _reduced(
+    radiance: NDArray[np.float32], weight: NDArray[np.float32], tuned: CaptureParameters
+) -> NDArray[np.float32]:
     """Logarithm of the radiance of a photograph in a few hundred cells, NaN where it is not well exposed."""
     height, width = radiance.shape[:2]
-    size = (CELLS, max(1, round(CELLS * height / width)))
+    size = (tuned.merge_cells, max(1, round(tuned.merge_cells * height / width)))
     trusted = cv2.resize(np.asarray(weight.min(axis=2)), size, interpolation=cv2.INTER_AREA) > 0.5
     brightness = cv2.resize(np.asarray(radiance.mean(axis=2)), size, interpolation=cv2.INTER_AREA)
     return np.log(np.where(trusted & (brightness > 0.0), brightness, np.nan)).astype(np.float32)
 
 
-def _check_views(bracket: Sequence[tuple[Path, Exposure]], views: Sequence[NDArray[np.float32]]) -> None:
+def _check_views(
+    bracket: Sequence[tuple[Path, Exposure]], views: Sequence[NDArray[np.float32]], tuned: CaptureParameters
+) -> None:
     """Warn of photographs that show another view than the next longer exposure, or another brightness than it says."""
     for (path, _), (other, _), one, next_one in zip(bracket, bracket[1:], views, views[1:], strict=False):
         both = np.isfinite(one) & np.isfinite(next_one)
-        if both.mean() < LEAST_SHARE:
+        if both.mean() < tuned.merge_least_cells:
             continue
         first, second = one[both], next_one[both]
         off = float(np.median(first - second))
         # What moves in a view leaves most of it as it is.
-        if np.mean(abs(first - second - off) < ALIKE) < 0.5 and np.corrcoef(first, second)[0, 1] < LIKENESS:
+        alike = np.mean(abs(first - second - off) < tuned.merge_alike)
+        if alike < tuned.merge_least_alike and np.corrcoef(first, second)[0, 1] < tuned.merge_likeness:
             warn(
                 f"{path} and {other.name} hardly show the same view, but are merged as one bracket; if they are several "
                 "orientations, `capture stitch --bracket` states how many photographs each has"
             )
-        elif abs(off) > np.log(UNLIKE):
+        elif abs(off) > np.log(tuned.merge_unlike):
             warn(
                 f"{path} and {other.name}: their brightness differs by {abs(off) / np.log(2.0):.1f} stops from what their "
                 "exposures say; a filter, a flash or wrong EXIF data do this: state time, aperture and ISO in a table "
@@ -279,20 +276,24 @@ def _check_views(bracket: Sequence[tuple[Path, Exposure]], views: Sequence[NDArr
             )
 
 
-def response_bounds(response: Response, amount: float) -> NDArray[np.float32]:
+def response_bounds(response: Response, amount: float, tuned: CaptureParameters = DEFAULT) -> NDArray[np.float32]:
     """Radiance at which an exposure is black and at which it is clipped; shape (2, 3): bound, channel."""
     levels = np.linspace(0.0, 1.0, response.curves.shape[1])
-    exposures = [[np.interp(reading, levels, curve) for curve in response.curves] for reading in (BLACK, WHITE)]
+    bounds = (tuned.black, tuned.white)
+    exposures = [[np.interp(reading, levels, curve) for curve in response.curves] for reading in bounds]
     return (np.array(exposures) / amount).astype(np.float32)
 
 
-def _trust(codes: Codes) -> NDArray[np.float32]:
+def _trust(codes: Codes, tuned: CaptureParameters) -> NDArray[np.float32]:
     white = np.iinfo(codes.dtype).max
-    return trust(np.arange(white + 1) / white).astype(np.float32)[codes]
+    return trust(np.arange(white + 1) / white, tuned).astype(np.float32)[codes]
 
 
 def _reference(
-    count: int, readings: Callable[[int], tuple[NDArray, NDArray]], tick: Callable[[str], None]
+    count: int,
+    readings: Callable[[int], tuple[NDArray, NDArray]],
+    tick: Callable[[str], None],
+    tuned: CaptureParameters,
 ) -> NDArray[np.float32]:
     """Radiance of each pixel from a single photograph: the middle exposure, or the nearest one that shows the pixel."""
     reference: NDArray[np.float32] | None = None
@@ -303,15 +304,19 @@ def _reference(
             reference, best = radiance.copy(), quality
         else:
             # A well exposed pixel stays; a poor one gives way to any better, for its noise would look like a ghost.
-            better = (best < 0.95) & (quality > best)
+            better = (best < tuned.merge_well_exposed) & (quality > best)
             reference[better], best = radiance[better], np.where(better, quality, best)
         tick("looking for ghosts")
     assert reference is not None
     return reference
 
 
-def _moved(readings: NDArray[np.float32], expected: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _moved(readings: NDArray[np.float32], expected: NDArray[np.float32], tuned: CaptureParameters) -> NDArray[np.bool_]:
     """Where a photograph disagrees with the reference, shape (height, width); a little wider than seen."""
-    differs = (np.abs(cv2.blur(readings - expected, (5, 5))) > GHOST).any(axis=2).astype(np.uint8)
+    differs = (
+        (np.abs(cv2.blur(readings - expected, (tuned.merge_ghost_blur, tuned.merge_ghost_blur))) > tuned.merge_ghost)
+        .any(axis=2)
+        .astype(np.uint8)
+    )
     # Edges of what moved are half transparent.
-    return cv2.dilate(differs, np.ones((9, 9), np.uint8)).astype(bool)
+    return cv2.dilate(differs, np.ones((tuned.merge_ghost_rim, tuned.merge_ghost_rim), np.uint8)).astype(bool)

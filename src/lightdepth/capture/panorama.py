@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from lightdepth.capture.lens import Lens
 from lightdepth.capture.photometry import Photograph, Photometry, half_diagonals
 from lightdepth.directions import pixel_directions
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 BAND = 64
 """Rows of the panorama computed at a time, so that memory stays small."""
-
-SHARPNESS = 4.0
-"""Weight of a pixel is its distance from the photograph's edge to this power: each direction is mostly one's."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +37,16 @@ def natural_width(lenses: Sequence[Lens]) -> int:
     return max(64, round(2.0 * np.pi * density / 64.0) * 64)
 
 
-def blend(photographs: Sequence[Photograph], photometry: Photometry, width: int) -> Panorama:
+def blend(
+    photographs: Sequence[Photograph], photometry: Photometry, width: int, tuned: CaptureParameters = DEFAULT
+) -> Panorama:
     """Remap photographs and blend them by weights that fall toward their edges.
 
     Args:
         photographs: with optimised lenses and poses.
         photometry: corrections to apply.
         width: of the panorama in pixels, even.
+        tuned: how weights fall.
     """
     height = width // 2
     total = np.zeros((height, width, 3), dtype=np.float32)
@@ -53,7 +54,7 @@ def blend(photographs: Sequence[Photograph], photometry: Photometry, width: int)
     directions = pixel_directions(height, width).astype(np.float32)
     for index, photograph in enumerate(photographs):
         pixels = corrected(photograph, photometry, index)
-        weight = blending_weight(photograph.seen)
+        weight = blending_weight(photograph.seen, tuned)
         # Bilinear lookup in a photograph that is no finer than the panorama does not alias.
         shrink = min(1.0, width / (2.0 * np.pi) / photograph.lens.focal_length)
         if shrink < 0.9:
@@ -79,17 +80,18 @@ def corrected(photograph: Photograph, photometry: Photometry, index: int) -> NDA
     return (photograph.radiance * (photometry.gains[index] / falloff)).astype(np.float32)
 
 
-def blending_weight(seen: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Weight of each pixel: its trust, times its distance from the photograph's edge to the power SHARPNESS.
+def blending_weight(seen: NDArray[np.float32], tuned: CaptureParameters = DEFAULT) -> NDArray[np.float32]:
+    """Weight of each pixel: its trust, times its distance from the photograph's edge to the power ``blend_sharpness``.
 
     Args:
         seen: trust, 0 outside the picture, shape (height, width).
+        tuned: the power.
     """
     inside = cv2.copyMakeBorder((seen > 0.0).astype(np.uint8), 1, 1, 1, 1, cv2.BORDER_CONSTANT)
     distance = cv2.distanceTransform(inside, cv2.DIST_L2, 5)[1:-1, 1:-1]
     # The outermost pixel is half black: it counts nothing.
     distance = np.maximum(distance - 1.5, 0.0)
-    return (distance / max(distance.max(), 1.0)) ** SHARPNESS * seen
+    return (distance / max(distance.max(), 1.0)) ** tuned.blend_sharpness * seen
 
 
 def _maps(

@@ -17,6 +17,7 @@ from lightdepth.images.adobe_rgb import is_adobe_rgb
 from lightdepth.images.orientation import upright
 from lightdepth.images.pixels import read_pixels
 from lightdepth.packages import optional_package
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 Codes = NDArray[np.uint8] | NDArray[np.uint16]
 """Camera readings: RGB, shape (height, width, 3), 0 is black and the type's largest value is white."""
@@ -35,7 +36,6 @@ OTHER_PICTURES = (
 )  # fmt: skip
 """Extensions of pictures that are not read as photographs."""
 
-_SAME_BALANCE = 0.01
 _XYZ_OF_REC709 = np.array(
     [[0.412453, 0.357580, 0.180423], [0.212671, 0.715160, 0.072169], [0.019334, 0.119193, 0.950227]]
 )
@@ -71,13 +71,14 @@ def read_photograph(path: Path, orientation: int = 1, white_balance: WhiteBalanc
     return upright(codes, orientation)
 
 
-def shared_white_balance(photographs: Sequence[Path]) -> WhiteBalance | None:
+def shared_white_balance(photographs: Sequence[Path], tuned: CaptureParameters = DEFAULT) -> WhiteBalance | None:
     """One white balance for all photographs of a shoot, for colours that change between them cannot be merged.
 
     Cameras on automatic choose again for every photograph. The median of their choices is taken.
 
     Args:
         photographs: all RAW, or none.
+        tuned: by how much they may differ without a warning.
 
     Returns:
         Multipliers; ``None`` for developed photographs, whose white balance is in their pixels.
@@ -107,7 +108,7 @@ def shared_white_balance(photographs: Sequence[Path]) -> WhiteBalance | None:
     found = np.array(balances)
     shared = np.exp(np.median(np.log(found), axis=0))
     off = np.abs(np.log(found / shared)).max(axis=1)
-    if off.max() > _SAME_BALANCE:
+    if off.max() > tuned.white_balance_same:
         name = raw[int(off.argmax())].name
         warn(
             f"{raw[0].parent}: the camera's white balance changes between the photographs, most in {name}, by "

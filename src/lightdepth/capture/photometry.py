@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.capture.lens import Lens
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 FloatArray = NDArray[np.float64]
 
@@ -69,7 +70,9 @@ def sphere_directions(count: int) -> FloatArray:
     return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], axis=-1)
 
 
-def estimate_photometry(photographs: Sequence[Photograph], with_gains: bool = True, count: int = 30_000) -> Photometry:
+def estimate_photometry(
+    photographs: Sequence[Photograph], with_gains: bool = True, tuned: CaptureParameters = DEFAULT
+) -> Photometry:
     """Vignetting and gains from the directions that several photographs show.
 
     In a direction that photographs ``i`` and ``j`` show at the radii ``r_i`` and ``r_j``, the logarithms of their
@@ -80,9 +83,9 @@ def estimate_photometry(photographs: Sequence[Photograph], with_gains: bool = Tr
     Args:
         photographs: with optimised lenses and poses.
         with_gains: also estimate a gain for each photograph and channel.
-        count: directions looked at, at most 32,766 (OpenCV's limit for a lookup).
+        tuned: what is looked at, and how much it counts.
     """
-    image, direction, log, radius, weight = _overlaps(photographs, count)
+    image, direction, log, radius, weight = _overlaps(photographs, tuned)
     channels = 3
     unknowns = 3 + (len(photographs) * channels if with_gains else 0)
     rows, targets, confidence = [], [], []
@@ -99,15 +102,15 @@ def estimate_photometry(photographs: Sequence[Photograph], with_gains: bool = Tr
     matrix, target, weights = np.concatenate(rows), np.concatenate(targets), np.concatenate(confidence)
     # Gains of a tenth of a stop or so are worth a little evidence; the falloff's terms are free.
     prior = np.diag(np.concatenate([np.full(3, 1e-3), np.full(unknowns - 3, 1.0)]))
-    prior *= 1e-3 * max(weights.sum(), 1.0) / max(len(photographs), 1)
+    prior *= tuned.photometry_prior * max(weights.sum(), 1.0) / max(len(photographs), 1)
     solution: NDArray[np.floating] = np.zeros(unknowns)
     robust: NDArray[np.floating] = np.ones_like(weights)
-    for _ in range(12):
+    for _ in range(tuned.photometry_rounds):
         weighted = matrix * (weights * robust)[:, None]
         solution = np.linalg.solve(weighted.T @ matrix + prior, weighted.T @ target)
         residual = target - matrix @ solution
         scale = 1.4826 * np.median(np.abs(residual)) + 1e-4 if residual.size else 1.0
-        robust = 1.0 / (1.0 + (residual / (2.0 * scale)) ** 2)
+        robust = 1.0 / (1.0 + (residual / (tuned.photometry_scale * scale)) ** 2)
     gains = np.ones((len(photographs), channels))
     if with_gains:
         gains = np.exp(solution[3:].reshape(len(photographs), channels))
@@ -117,9 +120,10 @@ def estimate_photometry(photographs: Sequence[Photograph], with_gains: bool = Tr
 
 
 def _overlaps(
-    photographs: Sequence[Photograph], count: int
+    photographs: Sequence[Photograph], tuned: CaptureParameters
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], FloatArray, FloatArray, FloatArray]:
     """Samples in directions that two photographs show: image, direction, log radiance (n, 3), radius and weight."""
+    count, even = tuned.photometry_directions, tuned.photometry_even
     directions = sphere_directions(count)
     columns: list[list[NDArray]] = []
     for index, photograph in enumerate(photographs):
@@ -135,7 +139,7 @@ def _overlaps(
         values = cv2.remap(blurred, *maps, cv2.INTER_LINEAR)[0]
         uneven = cv2.remap(steep, *maps, cv2.INTER_LINEAR)[0]
         keep = (seen > 0.5) & (values > 0.0).all(axis=-1)
-        weight = 1.0 / (0.02 + uneven[keep]) ** 2 * 0.02**2
+        weight = 1.0 / (even + uneven[keep]) ** 2 * even**2
         where = where[keep]
         radius = half_diagonals(lens, x[where], y[where])
         columns.append([np.full(where.size, index), where, np.log(values[keep].astype(float)), radius, weight])

@@ -17,47 +17,36 @@ from scipy.sparse import csr_matrix
 
 from lightdepth.capture.photograph import Codes
 from lightdepth.capture.response import LEVELS, Response, normalised, srgb_to_linear
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 FloatArray = NDArray[np.float64]
 
-PATCH = 4
-"""Side in pixels of the patches whose mean reading is a sample."""
 
-MOST_PATCHES = 60_000
-"""In larger photographs only every second, third, ... patch is looked at."""
-
-BLACK, WHITE = 0.01, 0.985
-"""Readings beyond these say only that it was darker, or brighter."""
-
-_SMOOTHNESS = 100.0
-_ITERATIONS = 5
-
-
-def sample_patches(photograph: Codes) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def sample_patches(
+    photograph: Codes, tuned: CaptureParameters = DEFAULT
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Mean readings of small patches, and how uneven the patches are.
 
     Args:
         photograph: camera readings, shape (height, width, 3).
+        tuned: which patches, and what is clipped.
 
     Returns:
         ``(means, spreads)``: readings in [0, 1] of shape (rows, columns, 3), and their standard deviation. The mean of
         a patch that holds a clipped pixel would be wrong: it is 1, or 0 where a pixel is black.
     """
-    rows, columns = (side // PATCH for side in photograph.shape[:2])
-    codes = photograph[: rows * PATCH, : columns * PATCH].reshape(rows, PATCH, columns, PATCH, 3)
-    step = max(1, int(np.sqrt(rows * columns / MOST_PATCHES)))
+    patch = tuned.response_patch
+    rows, columns = (side // patch for side in photograph.shape[:2])
+    codes = photograph[: rows * patch, : columns * patch].reshape(rows, patch, columns, patch, 3)
+    step = max(1, int(np.sqrt(rows * columns / tuned.response_most_patches)))
     white = np.float32(np.iinfo(photograph.dtype).max)
     patches = codes[::step, :, ::step].astype(np.float32) / white
-    pixels = [patches[:, row, :, column] for row in range(PATCH) for column in range(PATCH)]
+    pixels = [patches[:, row, :, column] for row in range(patch) for column in range(patch)]
     means = np.mean(pixels, axis=0)
     spreads = np.std(pixels, axis=0)
-    means[np.max(pixels, axis=0) > WHITE] = 1.0
-    means[np.min(pixels, axis=0) < BLACK] = 0.0
+    means[np.max(pixels, axis=0) > tuned.white] = 1.0
+    means[np.min(pixels, axis=0) < tuned.black] = 0.0
     return means, spreads
-
-
-LEAST_RANGE = np.log(1.3)
-"""Logarithm of the greatest over the least exposure from which on a response can be recovered."""
 
 
 def choose_samples(
@@ -86,35 +75,39 @@ def choose_samples(
     return means[np.concatenate([group[np.argsort(spread[group])[:8]] for group in bins])]
 
 
-def trust(readings: NDArray[np.floating]) -> NDArray[np.floating]:
+def trust(readings: NDArray[np.floating], tuned: CaptureParameters = DEFAULT) -> NDArray[np.floating]:
     """Weight of readings in [0, 1]: none for black and clipped ones, full between."""
-    return np.clip((readings - BLACK) / 0.08, 0.0, 1.0) * np.clip((WHITE - readings) / 0.08, 0.0, 1.0)
+    above, below = (readings - tuned.black) / tuned.reading_fade, (tuned.white - readings) / tuned.reading_fade
+    return np.clip(above, 0.0, 1.0) * np.clip(below, 0.0, 1.0)
 
 
-def recover_response(samples: NDArray[np.float32], exposures: Sequence[float]) -> Response | None:
+def recover_response(
+    samples: NDArray[np.float32], exposures: Sequence[float], tuned: CaptureParameters = DEFAULT
+) -> Response | None:
     """Recover the response of a camera.
 
     Args:
         samples: readings in [0, 1] of the same points in every photograph, shape (points, photographs, 3).
         exposures: amounts of light of the photographs.
+        tuned: how it is solved, and from what.
 
     Returns:
         The response, or None where the samples do not determine it (too few readings that are neither black nor
         white, or exposures that are alike).
     """
     log_exposures = np.log(np.asarray(exposures, dtype=np.float64))
-    if np.ptp(log_exposures) < LEAST_RANGE:
+    if np.ptp(log_exposures) < np.log(tuned.response_least_range):
         return None
-    curves = [_recover_channel(samples[:, :, channel].astype(np.float64), log_exposures) for channel in range(3)]
+    curves = [_recover_channel(samples[:, :, channel].astype(np.float64), log_exposures, tuned) for channel in range(3)]
     known = [curve for curve in curves if curve is not None]
     return normalised(np.array(known)) if len(known) == 3 else None
 
 
-def _recover_channel(readings: FloatArray, log_exposures: FloatArray) -> FloatArray | None:
-    weights = trust(readings)
+def _recover_channel(readings: FloatArray, log_exposures: FloatArray, tuned: CaptureParameters) -> FloatArray | None:
+    weights = trust(readings, tuned)
     weights[np.count_nonzero(weights, axis=1) < 2] = 0.0
     point, photograph = np.nonzero(weights)
-    if point.size < 64:
+    if point.size < tuned.response_fewest_readings:
         return None
     reading, weight = readings[point, photograph], weights[point, photograph]
     levels = np.linspace(0.0, 1.0, LEVELS)
@@ -125,9 +118,9 @@ def _recover_channel(readings: FloatArray, log_exposures: FloatArray) -> FloatAr
     by_point = csr_matrix((np.ones(point.size), (point, np.arange(point.size))), shape=(readings.shape[0], point.size))
     second = np.diff(np.eye(LEVELS), n=2, axis=0)
     curve, robust = base, np.ones_like(weight)
-    for _ in range(_ITERATIONS):
+    for _ in range(tuned.response_rounds):
         # Readings have about equal noise everywhere; g has it times its slope.
-        slope = np.maximum(interpolate @ np.gradient(curve, levels), 0.5)
+        slope = np.maximum(interpolate @ np.gradient(curve, levels), tuned.response_least_slope)
         confidence = weight * robust / slope**2
         total = np.maximum(by_point @ confidence, 1e-30)
         # Debevec and Malik's equation 3 with the radiances eliminated, for the curve's difference from the base.
@@ -137,13 +130,13 @@ def _recover_channel(readings: FloatArray, log_exposures: FloatArray) -> FloatAr
         normal = (interpolate.T @ weighted).toarray() - sums.T @ (sums / total[:, None])
         right = weighted.T @ error - sums.T @ ((by_point @ (confidence * error)) / total)
         size = normal.trace() / LEVELS
-        normal += _SMOOTHNESS * size * second.T @ second
+        normal += tuned.response_smoothness * size * second.T @ second
         normal[LEVELS // 2, LEVELS // 2] += size  # The curve's level is free; this holds it.
         curve = base + np.linalg.solve(normal, right)
         value = interpolate @ curve - target
         residual = (value - ((by_point @ (confidence * value)) / total)[point]) / slope
         scale = 1.4826 * np.median(np.abs(residual)) + 1e-4
-        robust = 1.0 / (1.0 + (residual / (3.0 * scale)) ** 2)
+        robust = 1.0 / (1.0 + (residual / (tuned.response_scale * scale)) ** 2)
     exposure = np.exp(curve)
     exposure[0] = 0.0
     return np.maximum.accumulate(exposure)

@@ -18,9 +18,7 @@ from lightdepth.capture.shoot import Shoot
 from lightdepth.capture.stitching import Stitched
 from lightdepth.directions import pixel_solid_angles
 from lightdepth.images.writing import whole_file
-
-WRONG_POINT = 2.0
-"""Degrees between the two directions of a control point from which on it is reported."""
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 
 def merge_report(merged: Merged, photographs: list[str], amounts: list[float], response_source: str) -> dict[str, Any]:
@@ -44,7 +42,7 @@ def merge_report(merged: Merged, photographs: list[str], amounts: list[float], r
     }
 
 
-def stitch_report(shoot: Shoot, stitched: Stitched) -> dict[str, Any]:
+def stitch_report(shoot: Shoot, stitched: Stitched, tuned: CaptureParameters = DEFAULT) -> dict[str, Any]:
     """Numbers about a panorama: control points, coverage, exposure differences, lens."""
     errors = control_point_errors(stitched.lenses, stitched.control_points)
     height, width = stitched.panorama.covered.shape
@@ -102,7 +100,7 @@ def stitch_report(shoot: Shoot, stitched: Stitched) -> dict[str, Any]:
             "shift": list(lens.shift),
         },
         "images": images,
-        "warnings": warnings_of(shoot, stitched),
+        "warnings": warnings_of(shoot, stitched, tuned),
     }
 
 
@@ -130,7 +128,7 @@ def dual_report(shoot: Shoot, stitched: DualStitched) -> dict[str, Any]:
     }
 
 
-def warnings_of(shoot: Shoot, stitched: Stitched) -> list[str]:
+def warnings_of(shoot: Shoot, stitched: Stitched, tuned: CaptureParameters = DEFAULT) -> list[str]:
     """What the user should look at."""
     found = list(shoot.warnings)
     names = [orientation.name for orientation in shoot.orientations]
@@ -140,17 +138,17 @@ def warnings_of(shoot: Shoot, stitched: Stitched) -> list[str]:
         for index in stitched.unconnected:
             found.append(f"{names[index]}: no control points with the others; it keeps the rig's pose")
     errors = control_point_errors(stitched.lenses, stitched.control_points)
-    wrong = int((errors > WRONG_POINT).sum())
+    wrong = int((errors > tuned.wrong_point).sum())
     if wrong:
         first, second = stitched.control_points[int(errors.argmax())].images
         found.append(
             f"{names[first]}, {names[second]}: a control point is off by {errors.max():.1f} degrees ({wrong} of "
-            f"{errors.size} by more than {WRONG_POINT:g}): look for doubled edges where these images meet; wrong matches, "
-            "things that moved, and a camera that did not turn about its lens do this"
+            f"{errors.size} by more than {tuned.wrong_point:g}): look for doubled edges where these images meet; wrong "
+            "matches, things that moved, and a camera that did not turn about its lens do this"
         )
     for index, gain in enumerate(stitched.photometry.gains):
         stops = float(np.log2(gain).mean())
-        if abs(stops) > 0.5:
+        if abs(stops) > tuned.large_gain:
             found.append(
                 f"{shoot.orientations[index].name}: its exposure differs by {stops:+.2f} stops from the others'"
             )

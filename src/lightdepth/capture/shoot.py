@@ -29,14 +29,11 @@ from lightdepth.errors import InputError
 from lightdepth.images.beauty import Beauty, read_beauty
 from lightdepth.images.orientation import mirrored_back
 from lightdepth.images.radiance import READERS, read_radiance
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 from lightdepth.quantities import BRIGHTEST
 
 ROLLS = {3: 180.0, 6: 90.0, 8: -90.0}
 """How far the camera was turned about its axis, by EXIF orientation."""
-
-
-NEGATIVE = 0.01
-"""Share of negative pixels from which on they are named; developers leave a few in the dark."""
 
 
 @dataclass(frozen=True)
@@ -88,13 +85,19 @@ def is_hdr(path: Path) -> bool:
     return path.suffix.lower() in READERS
 
 
-def read_shoot(inputs: Sequence[Path], options: MergeOptions, progress: Progress = lambda *_: None) -> Shoot:
+def read_shoot(
+    inputs: Sequence[Path],
+    options: MergeOptions,
+    progress: Progress = lambda *_: None,
+    tuned: CaptureParameters = DEFAULT,
+) -> Shoot:
     """Read and, where they are photographs, merge what the user handed over.
 
     Args:
         inputs: one folder, or HDR images, or photographs (brackets of several orientations, or one for each).
         options: how to merge.
         progress: called after each photograph.
+        tuned: how brackets are told apart, and merged.
 
     Raises:
         InputError: the inputs are missing or of mixed kinds, or cannot be merged.
@@ -107,18 +110,19 @@ def read_shoot(inputs: Sequence[Path], options: MergeOptions, progress: Progress
         hdr = [path for path in files if is_hdr(path)]
         if hdr:
             _check_one_kind(inputs[0], hdr, files)
-            return _read_hdr(hdr, options, progress)
-        return _merge_all(brackets_in_folder(inputs[0], options.exposures, options.bracket), options, progress)
+            return _read_hdr(hdr, options, progress, tuned)
+        brackets = brackets_in_folder(inputs[0], options.exposures, options.bracket, tuned)
+        return _merge_all(brackets, options, progress, tuned)
     folders = [path for path in inputs if path.is_dir()]
     if folders:
         if len(folders) < len(inputs):
             raise InputError(
                 f"{folders[0]}: is a folder; allowed are one folder, folders of one bracket each, or files"
             )
-        brackets = [bracket for path in folders for bracket in brackets_in_folder(path, options.exposures)]
-        return _merge_all(brackets, options, progress)
+        brackets = [bracket for path in folders for bracket in brackets_in_folder(path, options.exposures, tuned=tuned)]
+        return _merge_all(brackets, options, progress, tuned)
     if all(is_hdr(path) for path in inputs):
-        return _read_hdr(inputs, options, progress)
+        return _read_hdr(inputs, options, progress, tuned)
     strange = [path for path in inputs if path.suffix.lower() not in PHOTOGRAPHS]
     if strange:
         raise InputError(
@@ -130,8 +134,9 @@ def read_shoot(inputs: Sequence[Path], options: MergeOptions, progress: Progress
         if len(pairs) % options.bracket:
             raise InputError(f"{len(pairs)} photographs are not a multiple of --bracket {options.bracket}")
         size = options.bracket
-        return _merge_all([pairs[start : start + size] for start in range(0, len(pairs), size)], options, progress)
-    return _merge_all(group_by_exposure(pairs), options, progress)
+        brackets = [pairs[start : start + size] for start in range(0, len(pairs), size)]
+        return _merge_all(brackets, options, progress, tuned)
+    return _merge_all(group_by_exposure(pairs, tuned), options, progress, tuned)
 
 
 def _check_one_kind(folder: Path, hdr: Sequence[Path], files: Sequence[Path]) -> None:
@@ -155,7 +160,9 @@ def _exposures(photographs: Sequence[Path], table: Path | None) -> list[Exposure
         return [Exposure(1.0)]
 
 
-def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Progress) -> Shoot:
+def _merge_all(
+    brackets: Sequence[Bracket], options: MergeOptions, progress: Progress, tuned: CaptureParameters
+) -> Shoot:
     if options.several and len(brackets) == 1 and len(brackets[0]) > 1:
         raise InputError(
             f"{brackets[0][0][0].parent}: the {len(brackets[0])} photographs from {brackets[0][0][0].name} to "
@@ -168,36 +175,37 @@ def _merge_all(brackets: Sequence[Bracket], options: MergeOptions, progress: Pro
     for bracket in brackets:
         if len(bracket) < max(sizes):
             warnings.append(f"{bracket[0][0].name}: its bracket has {len(bracket)} of {max(sizes)} exposures")
-    white_balance = shared_white_balance([path for bracket in brackets for path, _ in bracket])
+    white_balance = shared_white_balance([path for bracket in brackets for path, _ in bracket], tuned)
     colours = unlike_srgb([path for bracket in brackets for path, _ in bracket])
     if colours:
         warnings.append(colours)
     response, source = options.response, "given"
     if response is None:
-        response, source = shared_response(brackets, progress)
+        response, source = shared_response(brackets, progress, tuned)
     if source.startswith("sRGB"):
         warnings.append("the camera's response is taken to be sRGB, for the photographs do not determine it")
     circle = options.circle
     if circle == "auto":
-        circle = _common_circle([partial(_from_bright_to_dark, bracket, white_balance) for bracket in brackets])
+        circle = _common_circle([partial(_from_bright_to_dark, bracket, white_balance) for bracket in brackets], tuned)
     orientations = []
     for index, bracket in enumerate(brackets):
 
         def tick(what: str, done: int, total: int, index: int = index) -> None:
             progress(what, index * total + done, len(brackets) * total)
 
-        merged = merge(bracket, response, circle, options.align, options.deghost, False, tick, white_balance)
+        merged = merge(bracket, response, circle, options.align, options.deghost, False, tick, white_balance, tuned)
         orientations.append(_orientation(bracket, merged, options.circle is None))
     names = [[path.name for path, _ in bracket] for bracket in brackets]
     return Shoot(orientations, response, source, names, brackets[0][0][1], warnings)
 
 
-def _common_circle(views: Sequence[Callable[[], Iterable[Codes]]]) -> Circle:
+def _common_circle(views: Sequence[Callable[[], Iterable[Codes]]], tuned: CaptureParameters) -> Circle:
     """One lens, one circle: the median of three views' is steadier than each one's own.
 
     Args:
         views: give the photographs of each view from bright to dark; those that show no circle, such as black ones, are
             passed over.
+        tuned: what a circle is.
 
     Raises:
         InputError: no view shows a circle.
@@ -206,7 +214,7 @@ def _common_circle(views: Sequence[Callable[[], Iterable[Codes]]]) -> Circle:
     circles: list[Circle] = []
     for index in [*first, *(other for other in range(len(views)) if other not in first)]:
         try:
-            circles.append(find_circle(views[index]()))
+            circles.append(find_circle(views[index](), tuned))
         except InputError:
             continue
         if len(circles) == 3:
@@ -227,7 +235,7 @@ def _orientation(bracket: Bracket, merged: Merged, with_roll: bool) -> Orientati
     return Orientation(bracket[0][0].name, merged.radiance, merged.seen, ~(merged.clipped | merged.black), roll)
 
 
-def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) -> Shoot:
+def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress, tuned: CaptureParameters) -> Shoot:
     pictures, warnings = [], []
     for index, path in enumerate(paths):
         picture = read_beauty(path) if path.suffix.lower() == ".exr" else Beauty(read_radiance(path), None)
@@ -238,7 +246,7 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
             warnings.append(f"{path.name}: {(~finite).sum()} pixels are not finite; they count as not photographed")
             radiance = np.where(finite[..., None], radiance, np.float32(0.0))
         negative = (radiance < 0.0).any(axis=2)
-        if negative.mean() > NEGATIVE:
+        if negative.mean() > tuned.negative:
             warnings.append(
                 f"{path.name}: {negative.sum()} pixels are negative, which light cannot be; they are black here"
             )
@@ -250,7 +258,7 @@ def _read_hdr(paths: Sequence[Path], options: MergeOptions, progress: Progress) 
     circle = options.circle
     whole = [radiance for radiance, _, is_whole in pictures if is_whole]
     if circle == "auto":  # What has an alpha was cut out already.
-        circle = _common_circle([partial(_as_photographs, each) for each in whole]) if whole else None
+        circle = _common_circle([partial(_as_photographs, each) for each in whole], tuned) if whole else None
     orientations = []
     for path, (radiance, seen, is_whole) in zip(paths, pictures, strict=True):
         if isinstance(circle, Circle) and (is_whole or options.circle != "auto"):

@@ -20,15 +20,10 @@ from lightdepth.capture.project import ControlPoint, read_project
 from lightdepth.capture.rig import Rig
 from lightdepth.errors import InputError, LightdepthError
 from lightdepth.images.filling import fill, mark
-
-MATCHING_SIDES = (800, 2000)
-"""Control points are looked for in images of at least and at most this size, in pixels."""
+from lightdepth.parameters.capture import DEFAULT, CaptureParameters
 
 SMALLEST = 16
 """Pixels of an image's shorter side."""
-
-DISTRUST = 0.01
-"""Weight of pixels that are clipped or black in every exposure: they count where nothing else does."""
 
 STEPS = 8
 """How many steps ``progress`` counts."""
@@ -100,7 +95,10 @@ class Stitched:
 
 
 def stitch(
-    orientations: Sequence[Orientation], options: Options, progress: Callable[[str, int, int], None] = lambda *_: None
+    orientations: Sequence[Orientation],
+    options: Options,
+    progress: Callable[[str, int, int], None] = lambda *_: None,
+    tuned: CaptureParameters = DEFAULT,
 ) -> Stitched:
     """Find lens, poses and vignetting, remap and blend.
 
@@ -109,6 +107,7 @@ def stitch(
         options: how.
         progress: called with a step's name, its number and the number of steps; while control points are searched,
             with how many images and pairs have been looked at, and how many there are.
+        tuned: what is searched, and what counts how much.
 
     Raises:
         InputError: the images are too few, too small, black, differ in size, or cannot be connected.
@@ -142,7 +141,7 @@ def stitch(
     with tempfile.TemporaryDirectory(prefix="lightdepth-stitch-") as temporary:
         folder = Path(temporary)
         tick("pictures for matching")
-        names, scale = _write_matching_images(orientations, folder)
+        names, scale = _write_matching_images(orientations, folder, tuned)
         rolls = [orientation.roll for orientation in orientations]
         matched_file, optimised_file = hugin.find_poses(
             names,
@@ -154,6 +153,7 @@ def stitch(
             options.circular,
             tick,
             lambda done, total: progress("control points", done, total),
+            tuned,
         )
         matched = len(read_project(matched_file)[1])
         small_lenses, small_points = read_project(optimised_file)
@@ -172,18 +172,18 @@ def stitch(
         photographs = [
             Photograph(
                 orientation.radiance,
-                np.where(orientation.reliable, 1.0, DISTRUST).astype(np.float32) * orientation.seen,
+                np.where(orientation.reliable, 1.0, tuned.stitch_distrust).astype(np.float32) * orientation.seen,
                 lens,
             )
             for orientation, lens in zip(orientations, lenses, strict=True)
         ]
-        photometry = estimate_photometry(photographs, options.gains)
+        photometry = estimate_photometry(photographs, options.gains, tuned)
         width = options.width or natural_width(lenses)
         tick("blending")
         if options.blender == "enblend":
             panorama = seams.blend(photographs, photometry, width, folder)
         else:
-            panorama = blend(photographs, photometry, width)
+            panorama = blend(photographs, photometry, width, tuned)
     tick("uncovered directions")
     radiance = panorama.radiance
     if options.uncovered == "fill":
@@ -193,7 +193,9 @@ def stitch(
     return Stitched(replace(panorama, radiance=radiance), lenses, points, matched, photometry, unconnected)
 
 
-def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[np.uint8]:
+def matching_image(
+    orientation: Orientation, size: tuple[int, int], tuned: CaptureParameters = DEFAULT
+) -> NDArray[np.uint8]:
     """What the matcher sees: the logarithm of radiance with its local contrast raised.
 
     Outside a fisheye's circle the rim's colours go on, for the rim itself would be matched: it looks alike everywhere.
@@ -201,6 +203,7 @@ def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[n
     Args:
         orientation: the image.
         size: width and height of the result.
+        tuned: how much its contrast is raised.
 
     Returns:
         Grey, shape (height, width), uint8.
@@ -218,18 +221,21 @@ def matching_image(orientation: Orientation, size: tuple[int, int]) -> NDArray[n
     if not seen.all():
         rows, columns = distance_transform_edt(~seen, return_distances=False, return_indices=True)
         grey = grey[rows, columns]
-    return cv2.createCLAHE(clipLimit=3.0, tileGridSize=(8, 8)).apply(grey)
+    return cv2.createCLAHE(clipLimit=tuned.matching_contrast, tileGridSize=(8, 8)).apply(grey)
 
 
-def _write_matching_images(orientations: Sequence[Orientation], folder: Path) -> tuple[list[str], float]:
+def _write_matching_images(
+    orientations: Sequence[Orientation], folder: Path, tuned: CaptureParameters
+) -> tuple[list[str], float]:
     """Write what the matcher sees; the names, and the size relative to the images'."""
     height, width = orientations[0].radiance.shape[:2]
-    scale = float(np.clip(1.0, *(side / max(height, width) for side in MATCHING_SIDES)))
+    sides = (tuned.matching_smallest, tuned.matching_largest)
+    scale = float(np.clip(1.0, *(side / max(height, width) for side in sides)))
     size = (round(width * scale), round(height * scale))
     names = []
     for index, orientation in enumerate(orientations):
         names.append(f"view{index:03d}.png")
-        if not cv2.imwrite(str(folder / names[-1]), matching_image(orientation, size)):
+        if not cv2.imwrite(str(folder / names[-1]), matching_image(orientation, size, tuned)):
             raise LightdepthError(f"{folder}: the temporary folder cannot be written; is the disk full?")
     return names, size[0] / width
 

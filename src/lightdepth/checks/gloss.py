@@ -29,8 +29,8 @@ def gloss_problems(scene: Scene) -> list[Problem]:
 
     def place() -> Place:
         traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
-        gains = solve_gains(scene.panoramas, traced, scene.render.parameters.balance).gains
         tuned = scene.render.parameters.place
+        gains = solve_gains(scene.panoramas, traced, scene.render.parameters.balance, tuned).gains
         return Place(scene.panoramas, traced, suns=masked_suns(scene), gains=gains, parameters=tuned)
 
     fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)

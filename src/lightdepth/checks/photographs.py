@@ -40,9 +40,9 @@ def compare_photographs(scene: Scene) -> tuple[list[Problem], tuple[PhotographRe
     from lightdepth.place.traced_surfaces import TracedSurfaces
     from lightdepth.recovery.gains import solve_gains
 
-    balance = solve_gains(
-        scene.panoramas, TracedSurfaces(merge_real_surfaces(scene.real)), scene.render.parameters.balance
-    )
+    tuned = scene.render.parameters
+    surfaces = TracedSurfaces(merge_real_surfaces(scene.real))
+    balance = solve_gains(scene.panoramas, surfaces, tuned.balance, tuned.place)
     if balance.problem is not None:
         return [Problem(Severity.ERROR, balance.problem)], ()
     problems, reports = [], []

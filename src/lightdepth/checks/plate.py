@@ -55,10 +55,11 @@ def compare_plate(scene: Scene) -> tuple[list[Problem], PlateReport | None]:
     from lightdepth.recovery.gains import solve_gains
     from lightdepth.recovery.plate_gain import solve_plate_gain
 
-    tuned = scene.render.parameters.balance
+    tuned, place_tuned = scene.render.parameters.balance, scene.render.parameters.place
     modelled = merge_real_surfaces(scene.real)
     surfaces = TracedSurfaces(replace(modelled, vertices=modelled.rest))
-    place = Place(scene.panoramas, surfaces, gains=solve_gains(scene.panoramas, surfaces, tuned).gains)
+    gains = solve_gains(scene.panoramas, surfaces, tuned, place_tuned).gains
+    place = Place(scene.panoramas, surfaces, gains=gains, parameters=place_tuned)
     balance = solve_plate_gain(plate.radiance, scene.cameras[plate.camera], place, plate.gain, tuned)
     if balance.problem is not None:
         return [Problem(Severity.ERROR, f"{plate_name(scene)}: {balance.problem}")], None

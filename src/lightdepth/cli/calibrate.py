@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from lightdepth.calibration.solve import Calibration
 
 
-SURE = 0.5
-"""Confidence of the automatic directions from which they are written into a scene file."""
-
-
 class _PanoramaByDefault(TyperGroup):
     """Takes what is not the name of a command for the panorama's."""
 
@@ -158,6 +154,7 @@ def calibrate(
     from lightdepth.images.png import write_png
     from lightdepth.images.validation import validate_panorama
     from lightdepth.images.writing import check_writable
+    from lightdepth.parameters.calibration import DEFAULT
 
     if rectangle is None and (width is not None or length is not None):
         raise InputError("--width and --length are those of a floor rectangle: give --rectangle as well")
@@ -212,7 +209,9 @@ def calibrate(
     report = _report(result)
     report["warnings"] += unmoved + list(image.notes)
     if write is not None:
-        sure = not (room is not None and room.confidence < SURE and floor is None and len(verticals) < 3)
+        sure = not (
+            room is not None and room.confidence < DEFAULT.sure_directions and floor is None and len(verticals) < 3
+        )
         named = write_pose(write, report["rotation"] if sure else None, report["position"], panorama)
         if not sure:
             numbers = ", ".join(f"{angle:g}" for angle in report["rotation"])

@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from lightdepth.calibration.relative_pose import RelativePose, SharedPoints
     from lightdepth.scene.model import Scene
 
-WELL_KNOWN = 0.05
-"""Share of the baseline by which the position may be off, two standard deviations; beyond it a warning says so."""
-
 
 def second(
     panorama: Annotated[Path, typer.Argument(help="The second panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
@@ -180,8 +177,9 @@ def _by_features(
     from lightdepth.calibration.relative_pose import SharedPoints, check_enough, relate_robustly
     from lightdepth.errors import InputError
     from lightdepth.kernel.raycasting import RayCaster
+    from lightdepth.parameters.calibration import DEFAULT
 
-    least, share, tolerance = 20, 0.25, 0.6
+    least, share, tolerance = DEFAULT.feature_fewest, DEFAULT.feature_share, DEFAULT.feature_tolerance
     first = loaded.panorama
     here, there = shared_features(first.radiance, radiance)
     advice = "click shared points (--match) instead, or take a panorama between the two"
@@ -198,7 +196,8 @@ def _by_features(
         met = np.isfinite(distance)
         places[met] = origins[met] + rays[met] * distance[met, None]
     names = tuple(f"feature {number}" for number in range(1, len(here) + 1))
-    points = SharedPoints(names, rays, there, places, first.position, np.full(len(rays), np.radians(0.15)), baseline)
+    errors = np.full(len(rays), np.radians(DEFAULT.feature_error))
+    points = SharedPoints(names, rays, there, places, first.position, errors, baseline)
     check_enough(points)
     pose, agree = relate_robustly(points, np.radians(tolerance))
     count = int(agree.sum())
@@ -214,7 +213,9 @@ def _doubts(points: SharedPoints, pose: RelativePose, report: dict[str, Any]) ->
     """What is said where the position is not known well, or clicks could not be moved."""
     import math
 
-    doubts = []
+    from lightdepth.parameters.calibration import DEFAULT
+
+    doubts, good = [], DEFAULT.doubtful_position
     still = [] if report["snapped"] is None else [name for name, moved in report["snapped"].items() if not moved]
     if still:
         doubts.append(
@@ -223,13 +224,13 @@ def _doubts(points: SharedPoints, pose: RelativePose, report: dict[str, Any]) ->
         )
     error = 2.0 * pose.position_error
     share = error / max(report["baseline"], 1e-6)
-    if share > WELL_KNOWN:
+    if share > good:
         # Errors fall with the square root of the number of points.
-        enough = math.ceil(len(points.names) * (share / WELL_KNOWN) ** 2)
+        enough = math.ceil(len(points.names) * (share / good) ** 2)
         remedy = "add near points all around" + ("" if report["snapped"] else ", or --snap them")
         doubts.append(
             f"the position may be off by {100.0 * error:.0f} cm, {100.0 * share:.0f} % of the baseline: {remedy}; about "
-            f"{enough} points like these make it {100.0 * WELL_KNOWN:.0f} %"
+            f"{enough} points like these make it {100.0 * good:.0f} %"
         )
     return doubts
 

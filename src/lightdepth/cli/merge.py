@@ -66,8 +66,9 @@ def merge(
         Console(stderr=True, highlight=False, soft_wrap=True).print(f"wrote {output}")
         return
     if not sums.complete:
-        missing = ", ".join(f"{share + 1}/{sums.of}" for share in range(sums.of) if share not in sums.shares)
-        raise InputError(f"{', '.join(map(str, parts))}: the picture is not complete; missing: {missing}")
+        raise InputError(
+            f"{', '.join(map(str, parts))}: the picture is not complete; missing: {', '.join(sums.missing)}"
+        )
     if scene is None and not sums.origin.path:
         raise InputError(f"{parts[0]}: does not state its scene file; give it with --scene")
     origin = sums.origin

@@ -11,9 +11,6 @@ from lightdepth.cli.options import SceneFile
 
 app = typer.Typer(no_args_is_help=True)
 
-GOOD = 0.05
-"""Pixels by which a fitted lens may miss a map without a warning."""
-
 
 @app.command("write")
 def write(
@@ -100,6 +97,7 @@ def read(
     from lightdepth.calibration.stmap import fit_lens
     from lightdepth.errors import warn
     from lightdepth.images.stmap import read_stmap
+    from lightdepth.parameters.calibration import DEFAULT
 
     film = read_stmap(stmap)
     lens = fit_lens(film, fov, undistorts)
@@ -109,7 +107,7 @@ def read(
     typer.echo("principal_point = [{:.6f}, {:.6f}]".format(*lens.principal_point))
     typer.echo("distortion = [{:.6f}, {:.6f}]".format(*lens.distortion))
     typer.echo(f"# misses the map by {lens.residual:.3f} pixels (root mean square), at most {lens.largest:.3f}")
-    if lens.largest > GOOD:
+    if lens.largest > DEFAULT.map_error:
         warn(
             f"{stmap}: k1 and k2 around one point miss this map by up to {lens.largest:.2f} pixels: it distorts in another "
             "way (fisheye, anamorphic, decentred), or the field of view or --distorts is wrong"

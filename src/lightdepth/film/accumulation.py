@@ -19,8 +19,6 @@ from lightdepth.transport.integrator import CameraSums
 PIXELS_AT_ONCE = 1 << 18
 Part = slice | NDArray[np.integer]
 """Some pixels of the list."""
-AROUND = 9
-"""Pixels side by side whose mean brightness stands for that of a pixel with a single sample."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +139,7 @@ class Accumulator:
             changes[part] = channel_means(np.abs(means.change)) / brightness
         return errors, changes
 
-    def include_single_samples(self, errors: NDArray[np.float32], floor: float) -> None:
+    def include_single_samples(self, errors: NDArray[np.float32], floor: float, width: int) -> None:
         """Raise relative errors, in place, to what they are at least of pixels that have one sample each.
 
         A single sample does not tell its own variance, but neighbours do: half the squared difference of two that show
@@ -150,8 +148,9 @@ class Accumulator:
         Args:
             errors: shape (n,), of :meth:`relative_errors`.
             floor: radiance that is added to the brightness.
+            width: pixels side by side whose mean brightness stands for that of each.
         """
-        count, beside = len(self._pixels), AROUND // 2
+        count, beside = len(self._pixels), width // 2
         unknown = np.zeros(count, bool)
         total, pairs = 0.0, 0
         for first in range(0, count, PIXELS_AT_ONCE):
@@ -165,7 +164,7 @@ class Accumulator:
             pair = pair[(pair >= first - part.start) & (pair < last - part.start)]
             pair = pair[means.coverage[pair] == means.coverage[pair + 1]]
             # The brightness of a single sample is as uncertain as the sample.
-            around = np.convolve(brightness, np.full(AROUND, 1.0 / AROUND), "same")[pair] + floor
+            around = np.convolve(brightness, np.full(width, 1.0 / width), "same")[pair] + floor
             squared = 0.5 * np.square((grey[pair + 1] - grey[pair]) / around)
             total, pairs = total + float(squared.sum()), pairs + len(pair)
             unknown[first:last] = single[first - part.start : last - part.start]

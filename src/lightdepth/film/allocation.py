@@ -92,7 +92,7 @@ class Allocation:
         size, spent = self._inside(target)
         left = samples * size - spent
         whole = int(taken.sum(dtype=np.int64)) + left
-        if left < max(self._parameters.quantum * size / 64, 1):
+        if left < max(self._parameters.least_round * self._parameters.quantum * size, 1):
             return None, whole
         more = self._around(self._left(self._errors.reducible(self._parameters.contrast)))
         if taken.max() > max(int(taken.min()), 0 if self._sharing is None else self._parameters.quantum):

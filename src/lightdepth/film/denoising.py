@@ -19,11 +19,6 @@ from lightdepth.images.tonemapping import MIDDLE_GREY
 from lightdepth.packages import optional_package
 from lightdepth.parameters.denoising import DEFAULT, DenoisingParameters
 
-PIXELS_AT_ONCE = 2**21
-"""Largest area of a box: bounds the memory."""
-TILE = 16
-"""Side of the tiles that boxes are made of, pixels."""
-
 
 def denoise(frame: Frame, tuned: DenoisingParameters = DEFAULT) -> Frame:
     """Denoise a frame's change and synthetic radiance; its photograph and every other layer stay as they are.
@@ -51,7 +46,7 @@ def denoise(frame: Frame, tuned: DenoisingParameters = DEFAULT) -> Frame:
     scale = _input_scale(_some(frame.synthetic))
     change_scale = _input_scale(_some(frame.change) / (_some(frame.plate) + floor))
     for chart in frame.topology.charts:
-        there = _tiles(_touched(frame.synthetic[chart.slices])[:, :, 0], np.any)
+        there = _tiles(_touched(frame.synthetic[chart.slices])[:, :, 0], np.any, tuned.tile)
         for window in _windows(frame.topology, chart, there, tuned):
             here = window.rectangle.slices
             synthetic[here] = _denoised_synthetic(_Network.around(window, frame, oidn), frame, window, scale, tuned)
@@ -66,11 +61,11 @@ def denoise(frame: Frame, tuned: DenoisingParameters = DEFAULT) -> Frame:
     return replace(frame, change=change, synthetic=synthetic, metadata=facts)
 
 
-def _tiles(pixels: NDArray[Any], reduce: Callable[..., NDArray[Any]]) -> NDArray[Any]:
+def _tiles(pixels: NDArray[Any], reduce: Callable[..., NDArray[Any]], tile: int) -> NDArray[Any]:
     """Each tile's pixels reduced to one value; beyond the edges of an image, shape (height, width), lie zeros."""
     height, width = pixels.shape
-    padded = np.pad(pixels, ((0, -height % TILE), (0, -width % TILE)))
-    return reduce(padded.reshape(len(padded) // TILE, TILE, -1, TILE), axis=(1, 3))
+    padded = np.pad(pixels, ((0, -height % tile), (0, -width % tile)))
+    return reduce(padded.reshape(len(padded) // tile, tile, -1, tile), axis=(1, 3))
 
 
 def _changed_tiles(
@@ -78,25 +73,26 @@ def _changed_tiles(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Tiles of a chart that hold any change, and those of them where a blur would not do: neither faint nor smooth."""
     means, squares, theres = [], [], []
-    rows = max(1, PIXELS_AT_ONCE // (2 * TILE * chart.width)) * TILE
+    tile = tuned.tile
+    rows = max(1, tuned.largest_box // (2 * tile * chart.width)) * tile
     for top in range(chart.top, chart.bottom, rows):  # In bands, so that a large image needs little memory.
         bottom, columns = min(top + rows, chart.bottom), chart.slices[1]
         here = slice(top, bottom), columns
         above, below = max(top - tuned.hole, chart.top), min(bottom + tuned.hole, chart.bottom)
         changeable = _changeable(frame.change[above:below, columns], tuned)[top - above :][: bottom - top]
         # Of the pixels that can change only, or every edge of what changes would be a step.
-        share = np.maximum(_tiles(changeable * (np.float32(1.0) - frame.coverage[here]), np.sum), np.float32(1.0))
+        share = np.maximum(_tiles(changeable * (np.float32(1.0) - frame.coverage[here]), np.sum, tile), np.float32(1.0))
         relative = frame.change[here] / (frame.plate[here] + floor)
-        sums = [_tiles(channel, np.sum) / share for channel in np.moveaxis(relative, 2, 0)]
+        sums = [_tiles(channel, np.sum, tile) / share for channel in np.moveaxis(relative, 2, 0)]
         means.append(np.stack(sums, axis=2))
-        squares.append(_tiles(_largest(np.square(relative)), np.sum) / share)
-        theres.append(_tiles(_touched(relative)[:, :, 0], np.any))
+        squares.append(_tiles(_largest(np.square(relative)), np.sum, tile) / share)
+        theres.append(_tiles(_touched(relative)[:, :, 0], np.any, tile))
     mean, square, there = (np.concatenate(parts) for parts in (means, squares, theres))
     largest = _largest(np.abs(mean))
     step, bend = _variation(mean, there)
     noise = np.sqrt(np.maximum(square - largest**2, 0.0))
     faint = (largest <= tuned.faint) & (square <= tuned.faint_noise**2) & (step <= tuned.faint_step)
-    objects = _tiles(frame.coverage[chart.slices] > 0.0, np.any)
+    objects = _tiles(frame.coverage[chart.slices] > 0.0, np.any, tile)
     smooth = (bend <= np.minimum(tuned.smooth_bend, noise)) & (noise <= tuned.smooth_noise) & ~objects
     return there, there & ~faint & ~(smooth & (step <= tuned.smooth_step))
 
@@ -137,14 +133,15 @@ def _ramp(strong: NDArray[np.bool_], rectangle: Rectangle, tuned: DenoisingParam
         rectangle: of the chart, counted from its corner.
         tuned: the denoiser's parameters.
     """
-    top, left = rectangle.top // TILE, rectangle.left // TILE
-    bottom, right = -(-rectangle.bottom // TILE), -(-rectangle.right // TILE)
+    side = tuned.tile
+    top, left = rectangle.top // side, rectangle.left // side
+    bottom, right = -(-rectangle.bottom // side), -(-rectangle.right // side)
     tiles = np.pad(strong.astype(np.float32), 1, mode="edge")[top : bottom + 2, left : right + 2]
-    pixels = np.repeat(np.repeat(tiles, TILE, axis=0), TILE, axis=1)
+    pixels = np.repeat(np.repeat(tiles, side, axis=0), side, axis=1)
     share = cv2.blur(
         cv2.dilate(pixels, np.ones((tuned.ramp + 1, tuned.ramp + 1), np.uint8)), (tuned.ramp + 1, tuned.ramp + 1)
     )
-    first, begin = rectangle.top - (top - 1) * TILE, rectangle.left - (left - 1) * TILE
+    first, begin = rectangle.top - (top - 1) * side, rectangle.left - (left - 1) * side
     return np.asarray(share[first : first + rectangle.height, begin : begin + rectangle.width])
 
 
@@ -152,11 +149,12 @@ def _windows(
     topology: Topology, chart: Rectangle, tiles: NDArray[np.bool_], tuned: DenoisingParameters, around: int = 0
 ) -> Iterator[Window]:
     """Windows that together show some tiles of a chart and ``around`` pixels more, and little else."""
+    side = tuned.tile
     for box in _boxes(tiles, topology.endless, tuned):
-        top, bottom = max(box.top * TILE - around, 0), min(box.bottom * TILE + around, chart.height)
-        left, right = max(box.left * TILE - around, 0), min(box.right * TILE + around, chart.width)
+        top, bottom = max(box.top * side - around, 0), min(box.bottom * side + around, chart.height)
+        left, right = max(box.left * side - around, 0), min(box.right * side + around, chart.width)
         above, below, before, after = _margins(box, tiles, topology.endless, tuned)
-        rows = max(tuned.wide_margin, PIXELS_AT_ONCE // (right - left))
+        rows = max(tuned.wide_margin, tuned.largest_box // (right - left))
         for first in range(top, bottom, rows):
             end = min(first + rows, bottom)
             part = Rectangle(first, end, left, right).moved(chart.top, chart.left)
@@ -191,12 +189,13 @@ def _margins(
 
 def _boxes(tiles: NDArray[np.bool_], endless: bool, tuned: DenoisingParameters) -> list[Rectangle]:
     """Rectangles that hold all marked tiles of a chart, cut where that leaves less to filter; counted in tiles."""
+    side = tuned.tile
 
     def cost(boxes: Sequence[Rectangle]) -> float:
         total = 0.0
         for box in boxes:
             above, below, before, after = _margins(box, tiles, endless, tuned)
-            total += tuned.box_cost + (box.height * TILE + above + below) * (box.width * TILE + before + after)
+            total += tuned.box_cost + (box.height * side + above + below) * (box.width * side + before + after)
         return total
 
     def tight(box: Rectangle) -> list[Rectangle]:
@@ -224,7 +223,7 @@ def _denoised_synthetic(
 ) -> NDArray[np.float32]:
     """The synthetic radiance in a window's rectangle, denoised."""
     covered = window.cut(frame.coverage)[:, :, None]
-    rim = _Rim.of(covered)
+    rim = _Rim.of(covered, tuned)
     network.extend(rim)
     error = _error(frame, window, tuned) / np.maximum(covered, np.float32(1e-6))
     settled = settle(rim.extended(window.cut(frame.synthetic)), error.mean(axis=2), covered[:, :, 0], scale, tuned)
@@ -239,7 +238,7 @@ def _denoised_change(
     """The change in a window's rectangle, denoised; ``floor`` is radiance that is added to the photograph."""
     coverage, plate = window.cut(frame.coverage), frame.plate[window.rectangle.slices]
     uncovered = np.float32(1.0) - coverage[:, :, None]
-    rim = _Rim.of(uncovered)
+    rim = _Rim.of(uncovered, tuned)
     network.extend(rim)
     if "albedo" in network.guides:  # Without the photograph's texture there is none for it to explain.
         network.guides["albedo"][:] = 1.0
@@ -308,30 +307,34 @@ class _Rim:
         share: of each pixel that the layer fills, shape (height, width, 1).
         reliable: where the layer itself is known well, shape (height, width).
         nearest: row and column of the nearest such pixel, each shape (height, width).
+        tuned: the denoiser's parameters.
     """
 
     share: NDArray[np.float32]
     reliable: NDArray[np.bool_]
     nearest: NDArray[np.int32]
+    tuned: DenoisingParameters
 
     @classmethod
-    def of(cls, share: NDArray[np.float32]) -> _Rim:
+    def of(cls, share: NDArray[np.float32], tuned: DenoisingParameters) -> _Rim:
         """The rim of a layer with this share."""
-        around = cv2.dilate(share[:, :, 0], np.ones((5, 5), np.uint8))
-        reliable = (share[:, :, 0] > 0.0) & (share[:, :, 0] >= 0.5 * around)
-        return cls(share, reliable, distance_transform_edt(~reliable, return_distances=False, return_indices=True))
+        around = cv2.dilate(share[:, :, 0], np.ones((tuned.rim_around, tuned.rim_around), np.uint8))
+        reliable = (share[:, :, 0] > 0.0) & (share[:, :, 0] >= tuned.rim_share * around)
+        nearest = distance_transform_edt(~reliable, return_distances=False, return_indices=True)
+        return cls(share, reliable, nearest, tuned)
 
     def extended(self, layer: NDArray[np.float32]) -> NDArray[np.float32]:
         """A layer, shape (height, width, 3), as if it filled every pixel: divided by its share, and gone on."""
         # Beyond the rim goes the mean around the rim's pixels: a single one's noise would be drawn out into a streak.
-        mean = cv2.blur(layer, (9, 9)) / np.maximum(cv2.blur(self.share[:, :, 0], (9, 9)), np.float32(1e-6))[:, :, None]
+        size = (self.tuned.rim_blur, self.tuned.rim_blur)
+        mean = cv2.blur(layer, size) / np.maximum(cv2.blur(self.share[:, :, 0], size), np.float32(1e-6))[:, :, None]
         own = layer / np.maximum(self.share, np.float32(1e-6))
         row, column = self.nearest
         return np.where(self.reliable[:, :, None], own, mean[row, column])
 
     def guide(self, guide: NDArray[np.float32]) -> NDArray[np.float32]:
         """A guide, shape (height, width, 3), gone on from pixels that show this layer alone."""
-        alone = self.share[:, :, 0] >= min(0.99, float(self.share.max()))
+        alone = self.share[:, :, 0] >= min(self.tuned.rim_alone, float(self.share.max()))
         row, column = distance_transform_edt(~alone, return_distances=False, return_indices=True)
         return np.ascontiguousarray(guide[row, column])
 

@@ -26,11 +26,8 @@ from lightdepth.place.support_scattering import SpecularLobes
 from lightdepth.place.traced_surfaces import RealHit
 from lightdepth.recovery.irradiance import estimate_specular
 
-FEWEST_SAMPLES = 4
-"""At each point within a pixel."""
 SAME_POINT = 1e-6
 """Metres between a camera and the capture point, up to which it sees what is mirrored there."""
-PARAMETERS = replace(recovery.DEFAULT, lights_per_sample=1 << 12)
 
 
 class Highlights:
@@ -50,7 +47,8 @@ class Highlights:
         self.lobes = SpecularLobes(place.glosses)
         self.widths = [0.0, *(2.0 * gloss.roughness**2 for gloss in place.glosses)]  # Radians, about.
         samples = tuned.draft_highlight_samples if draft else tuned.highlight_samples
-        self.samples = max(FEWEST_SAMPLES, samples // points // 2 * 2)
+        self.parameters = replace(recovery.DEFAULT, lights_per_sample=tuned.highlight_lights)
+        self.samples = max(tuned.fewest_highlight_samples, samples // points // 2 * 2)
         self.generator = np.random.default_rng(0)
 
     @staticmethod
@@ -103,7 +101,7 @@ class Highlights:
                     gloss,
                     self.generator,
                     self.samples,
-                    PARAMETERS,
+                    self.parameters,
                 )
             )
         shown = np.sum([share[:, None] * each for share, each in zip(shares, mirrored, strict=False)], axis=0)

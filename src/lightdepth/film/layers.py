@@ -63,8 +63,8 @@ def write_frame(
     """Write a frame as OpenEXR: the finished image as ``R G B A``, and each layer with channels ``layer.X``.
 
     ``A`` is 1 inside the camera's image; ``coverage`` holds the new objects' coverage. A full panorama is marked
-    ``envmap = latlong``. ``docs/picture-file.md`` lists all layers and attributes. Views and faces that are to be files
-    of their own are written first, see :func:`part_path`.
+    ``envmap = latlong``. The first part says how the frame was made; ``docs/picture-file.md`` lists all layers and
+    attributes. Views and faces that are to be files of their own are written first, see :func:`part_path`.
 
     Args:
         path: where to write; the file appears whole or not at all.

@@ -17,10 +17,6 @@ from numpy.typing import NDArray
 
 from lightdepth.parameters.denoising import DEFAULT, DenoisingParameters
 
-SPREADS = (4.0, 8.0, 16.0, 32.0)
-"""Standard deviations of the Gaussians that a firefly's light is spread by, pixels: the smallest that makes no visible
-spot; what would be one even so is left out."""
-
 
 @dataclass(frozen=True)
 class Settled:
@@ -81,17 +77,19 @@ def _spread(
 ) -> NDArray[np.float32]:
     """The light of fireflies, spread over the pixels around each that hold the layer."""
     size, spread, here = loose.mean(axis=2) * share, np.zeros_like(loose), share > 0.0
-    allowed = tuned.visible * np.maximum(around, np.float32(0.05) * float(around[here].mean()))
+    allowed = tuned.visible * np.maximum(around, np.float32(tuned.visible_dark) * float(around[here].mean()))
     left = size > 0.0
-    for deviation in SPREADS:
+    deviations = [tuned.spread * 2.0**step for step in range(tuned.spreads)]
+    for deviation in deviations:
         most = np.float32(2.0 * np.pi * deviation**2) * allowed
-        last = deviation == SPREADS[-1]
+        last = deviation == deviations[-1]
         these = left if last else left & (size <= most)
         left = left & ~these
         if not these.any():
             continue
         weight = cv2.GaussianBlur(share, (0, 0), deviation, borderType=cv2.BORDER_CONSTANT)
-        amount = these * share * np.minimum(most / np.maximum(size, np.float32(1e-30)), 1.0) / np.maximum(weight, 0.05)
+        amount = these * share * np.minimum(most / np.maximum(size, np.float32(1e-30)), 1.0)
+        amount = amount / np.maximum(weight, tuned.spread_filled)
         part = cv2.GaussianBlur(
             loose * amount[:, :, None].astype(np.float32), (0, 0), deviation, borderType=cv2.BORDER_CONSTANT
         )

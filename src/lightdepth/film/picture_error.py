@@ -94,7 +94,7 @@ class PictureError:
 
     def _include_single_samples(self, errors: NDArray[np.float32]) -> None:
         if (self._accumulator.taken == 1).any():  # As in a draft.
-            self._accumulator.include_single_samples(errors, self._dark)
+            self._accumulator.include_single_samples(errors, self._dark, self._parameters.single_around)
 
     def reducible(self, contrast: float) -> NDArray[np.float32]:
         """The part of them that more samples reduce, relative to a power of the pixels' brightness, shape (n,)."""
@@ -133,7 +133,9 @@ class PictureError:
         """
         spent, integrator = int(self._accumulator.taken.sum(dtype=np.int64)), self._prepared.integrator
         count, parameters = len(self._accumulator.taken), self._parameters
-        if not isinstance(integrator, DifferenceIntegrator) or spent < 4 * self.shared.spent or not count:
+        if not isinstance(integrator, DifferenceIntegrator) or not count:
+            return
+        if spent < parameters.shared_again * self.shared.spent:
             return
         own = self.own()
         mine = own if share.count == 1 else own[share.owns(np.arange(count))]

@@ -22,8 +22,6 @@ from lightdepth.preparation import Prepared
 from lightdepth.scene.identity import digest
 from lightdepth.scene.model import Panorama
 
-SHARE_POINTS = 2
-"""Along each side of a pixel, at which the photographs' shares are looked up."""
 KEPT, LARGEST_KEPT = 2, 1 << 22
 """Plates that a prepared place keeps, and pixels of the largest."""
 
@@ -86,11 +84,17 @@ def render_plate(
     return np.where((mask_feather(mask, place.parameters) == 1.0)[..., None], pixels, around), alpha
 
 
-def render_shares(view: Viewpoint, place: Place) -> NDArray[np.float32] | None:
+def render_shares(view: Viewpoint, place: Place, parameters: FilmParameters = DEFAULT) -> NDArray[np.float32] | None:
     """Share of each photograph in a plate, shape (height, width, k); ``None`` where there is one photograph.
 
     All are 0 where no photograph sees what the pixel shows.
+
+    Args:
+        view: the camera.
+        place: the photographs with their geometry.
+        parameters: at how many points in each pixel they are looked up.
     """
+    points = parameters.share_subpixels
     if len(place.photograph.each) == 1:
         return None
     width, height = view.resolution
@@ -98,8 +102,8 @@ def render_shares(view: Viewpoint, place: Place) -> NDArray[np.float32] | None:
     for band in bands(width, height):
         totals = [dr.zeros(mi.Float, dr.width(band.row)) for _ in place.photograph.each]
         dr.make_opaque(totals)
-        for i, j in np.ndindex(SHARE_POINTS, SHARE_POINTS):
-            offset = mi.Point2f((i + 0.5) / SHARE_POINTS, (j + 0.5) / SHARE_POINTS)
+        for i, j in np.ndindex(points, points):
+            offset = mi.Point2f((i + 0.5) / points, (j + 0.5) / points)
             dr.make_opaque(offset)
             seen = view.pixel_rays(band.column, band.row, offset, mi.Point2f(0.5))
             hit = place.surfaces.first_real(seen.ray, seen.inside)
@@ -107,7 +111,7 @@ def render_shares(view: Viewpoint, place: Place) -> NDArray[np.float32] | None:
             totals = [total + dr.select(seen.inside, share, 0.0) for total, share in zip(totals, found, strict=True)]
             dr.eval(totals)
         shares[band.rows] = np.stack([total.numpy() for total in totals], axis=-1).reshape(*band.shape, -1)
-    return shares / np.float32(SHARE_POINTS**2)
+    return shares / np.float32(points**2)
 
 
 def _resampled(

@@ -102,7 +102,7 @@ class Rendering:
                 )
             else:
                 self.plate, self.alpha = self._own.radiance.copy(), np.ones(self._own.radiance.shape[:2], np.float32)
-            self.pixels = influenced_pixels(view, prepared)
+            self.pixels = influenced_pixels(view, prepared, self._parameters.selection_tile)
             self._list = PixelList(view, self.pixels)
             plate = (self.plate if self._own is None else self._own.scaled).reshape(-1, 3)
             light_tracer = prepared.integrator.light_tracer
@@ -245,7 +245,9 @@ class Rendering:
             picture = None if self._own is None else self._own.scaled
             seen = render_auxiliary(self._view, self._prepared, names, frame.coverage, self._parameters, picture)
             frame.mattes, frame.depth, frame.normal, frame.albedo = seen.mattes, seen.depth, seen.normal, seen.albedo
-            frame.photograph = None if self._own is not None else render_shares(self._view, self._prepared.place)
+            frame.photograph = (
+                None if self._own is not None else render_shares(self._view, self._prepared.place, self._parameters)
+            )
             owners = [index for index, _ in self._prepared.shapes]
             frame.object_id = seen.mattes.dominant(frame.coverage.size, owners).reshape(frame.coverage.shape)
         if finish:
@@ -264,7 +266,10 @@ class Rendering:
         return Origin(scene, view, self._method, self._seed, size, samples, version, path, camera, draft)
 
     def sums(self) -> PixelSums:
-        """The sums so far of this share's pixels, and of its light paths for all pixels."""
+        """The sums so far of this share's pixels, and of its light paths for all pixels.
+
+        Where a region alone was sampled, they are of this region.
+        """
         named, light_count = self._all_sums()
         named = {name: values.copy() for name, values in named.items()}
         taken, mine = self._accumulator.taken.copy(), self.share.owns(np.arange(len(self.pixels)))
@@ -274,7 +279,7 @@ class Rendering:
         samples = 0 if self._round is None else self._round.target.samples
         share = self.share
         named |= {"pixels": self.pixels.copy(), "taken": taken}
-        return PixelSums(
+        sums = PixelSums(
             self.origin(samples),
             (share.index,),
             share.count,
@@ -282,7 +287,14 @@ class Rendering:
             light_count=light_count,
             light_list_error=self.errors.light_list(),
             cache_error=self.errors.shared.cache,
+            regions=(),
         )
+        region = None if self._round is None else self._round.target.region
+        if region is not None:
+            part = sums.within(region)
+            if part.taken.sum(dtype=np.int64) == taken.sum(dtype=np.int64):
+                return part
+        return sums
 
     def adopt(self, sums: PixelSums) -> None:
         """Replace the sums, by merged ones for example.

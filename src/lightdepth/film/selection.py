@@ -13,27 +13,31 @@ from numpy.typing import NDArray
 from lightdepth.cameras import Topology, Viewpoint
 from lightdepth.kernel.row_bands import bands
 from lightdepth.kernel.tracing import first_hit
+from lightdepth.parameters.film import DEFAULT
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.preparation import Prepared
 
-TILE = 8
-"""Pixels along the side of the tiles that are kept or skipped as a whole."""
 LENS_POINTS = ((0.5, 0.5), *((x, y) for x in (0.0, 0.25, 0.75, 1.0) for y in (0.0, 0.25, 0.75, 1.0)))
 """Of a lens with an aperture, its middle first."""
 
 
-def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]:
+def influenced_pixels(view: Viewpoint, prepared: Prepared, tile: int = DEFAULT.selection_tile) -> NDArray[np.uint32]:
     """Pixels that see new surfaces or surfaces that receive their influence, row-major indices, ascending.
 
     A ray is traced through each corner and the middle of every tile; a tile counts if it or any of its neighbours meets
     a synthetic surface, support, or a glossy surface, or if a part of an object comes near it, so that nothing thin is
     missed.
+
+    Args:
+        view: the camera.
+        prepared: the scene.
+        tile: pixels along the side of the tiles.
     """
     surfaces = prepared.surfaces
     width, height = view.resolution
     if not surfaces.has_synthetic and FaceKind.RELIT not in surfaces.kinds:
         return np.zeros(0, np.uint32)
-    columns, rows = -(-width // TILE), -(-height // TILE)
+    columns, rows = -(-width // tile), -(-height // tile)
     kept = np.zeros((rows, columns), bool)
     # Over the lens as well: what it blurs is seen from any point of it.
     lenses = LENS_POINTS if view.camera.has_aperture else LENS_POINTS[:1]
@@ -45,7 +49,7 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
             if len(lenses) > 1:
                 dr.make_opaque(in_tile)  # Point by point, and one program for all of them.
             film = dr.minimum(
-                (mi.Point2f(band.column, band.row) + in_tile) * mi.Point2f(TILE / width, TILE / height), 1.0
+                (mi.Point2f(band.column, band.row) + in_tile) * mi.Point2f(tile / width, tile / height), 1.0
             )
             for number, lens in enumerate(lenses):
                 on_lens = mi.Point2f(*lens)
@@ -65,9 +69,9 @@ def influenced_pixels(view: Viewpoint, prepared: Prepared) -> NDArray[np.uint32]
         cosines = [dr.dot(corner.d, middle.d) for corner in corners]
         radius = dr.acos(dr.clip(reduce(dr.minimum, cosines), -1, 1))
         if prepared.outline is not None:
-            reached |= prepared.outline.near(middle, radius, view, radius * (2.0 / TILE))
+            reached |= prepared.outline.near(middle, radius, view, radius * (2.0 / tile))
         kept[band.rows] = reached.numpy().reshape(band.shape)
-    return _pixels_of(_grown(kept, view.topology), width, height)
+    return _pixels_of(_grown(kept, view.topology, tile), tile, width, height)
 
 
 def shown_in_the_middle(view: Viewpoint, prepared: Prepared) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
@@ -94,12 +98,12 @@ def shown_in_the_middle(view: Viewpoint, prepared: Prepared) -> tuple[NDArray[np
     return support, cv2.erode(unchanged, np.ones((3, 3), np.uint8)) > 0
 
 
-def _grown(kept: NDArray[np.bool_], topology: Topology) -> NDArray[np.bool_]:
+def _grown(kept: NDArray[np.bool_], topology: Topology, tile: int) -> NDArray[np.bool_]:
     """The kept tiles and all their neighbours, beyond edges and seams of the film as well."""
     result = kept.copy()
     for chart in topology.charts:
-        rows, columns = _sides(chart.top, chart.bottom), _sides(chart.left, chart.right)
-        here = np.ix_(rows[1] // TILE, columns[1] // TILE)
+        rows, columns = _sides(chart.top, chart.bottom, tile), _sides(chart.left, chart.right, tile)
+        here = np.ix_(rows[1] // tile, columns[1] // tile)
         for row in rows:
             for column in columns:
                 above, beside = row[:, None], column[None, :]
@@ -107,17 +111,17 @@ def _grown(kept: NDArray[np.bool_], topology: Topology) -> NDArray[np.bool_]:
                     above = np.clip(above, chart.top, chart.bottom - 1)
                     beside = np.clip(beside, chart.left, chart.right - 1)
                 i, j = topology.beyond(chart, above, beside)
-                result[here] |= kept[i // TILE, j // TILE]
+                result[here] |= kept[i // tile, j // tile]
     return result
 
 
-def _sides(first: int, end: int) -> tuple[NDArray[np.intp], ...]:
+def _sides(first: int, end: int, tile: int) -> tuple[NDArray[np.intp], ...]:
     """Of the tiles that rows or columns of a chart lie in: the pixels before, first, last and after them, in the chart."""
-    tiles = np.arange(first // TILE, -(-end // TILE))
-    begins, ends = np.maximum(tiles * TILE, first), np.minimum((tiles + 1) * TILE, end) - 1
+    tiles = np.arange(first // tile, -(-end // tile))
+    begins, ends = np.maximum(tiles * tile, first), np.minimum((tiles + 1) * tile, end) - 1
     return begins - 1, begins, ends, ends + 1
 
 
-def _pixels_of(tiles: NDArray[np.bool_], width: int, height: int) -> NDArray[np.uint32]:
-    pixels = np.repeat(np.repeat(tiles, TILE, axis=0), TILE, axis=1)[:height, :width]
+def _pixels_of(tiles: NDArray[np.bool_], tile: int, width: int, height: int) -> NDArray[np.uint32]:
+    pixels = np.repeat(np.repeat(tiles, tile, axis=0), tile, axis=1)[:height, :width]
     return np.flatnonzero(pixels).astype(np.uint32)

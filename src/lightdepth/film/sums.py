@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
 from lightdepth.film.arrays_file import read_arrays, write_arrays
+from lightdepth.film.film_regions import common, gaps
+from lightdepth.film.schedule import Region
 
 KIND = "lightdepth sums"
 ARRAYS: dict[str, tuple[type[np.generic], int]] = {
@@ -130,6 +132,7 @@ class PixelSums:
         light_count: light paths; each of the three divided by it is a mean.
         light_list_error: estimated relative error that the light lists give all pixels; 0 where it is not known.
         cache_error: likewise of the radiance cache.
+        regions: the parts of the film that they are of, none of which meets another; empty for all of it.
     """
 
     origin: Origin
@@ -147,18 +150,35 @@ class PixelSums:
     light_count: int = 0
     light_list_error: float = 0.0
     cache_error: float = 0.0
+    regions: tuple[Region, ...] = ()
 
     @property
     def complete(self) -> bool:
-        """Whether all shares of the still are there."""
-        return self.shares == tuple(range(self.of))
+        """Whether all shares and regions of the still are there."""
+        return not self.missing
 
-    def within(self, region: tuple[int, int, int, int]) -> PixelSums:
-        """Those of the pixels in ``region`` alone: columns and rows (left, top, right, bottom), the last two beyond."""
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """The shares and regions that the whole still lacks, in words."""
+        shares = [f"{share + 1}/{self.of}" for share in range(self.of) if share not in self.shares]
+        left = gaps(self.regions, self.origin.size) if self.regions else []
+        return (*shares, *(f"the region {_written(region)}" for region in left))
+
+    def within(self, region: Region) -> PixelSums:
+        """Those of the pixels in ``region`` alone: columns and rows (left, top, right, bottom), the last two beyond.
+
+        Raises:
+            InputError: it has no pixel that they are of.
+        """
+        film = (0, 0, *self.origin.size)
+        regions = tuple(kept for each in self.regions or (film,) if (kept := common(each, region)) is not None)
+        if not regions:
+            raise InputError(f"region = {region}: the sums have no pixel in it")
         left, top, right, bottom = region
         row, column = np.divmod(self.pixels, np.uint32(self.origin.size[0]))
-        kept = (column >= left) & (column < right) & (row >= top) & (row < bottom)
-        return replace(self, **{name: getattr(self, name)[kept] for name in ARRAYS})
+        inside = (column >= left) & (column < right) & (row >= top) & (row < bottom)
+        arrays = {name: getattr(self, name)[inside] for name in ARRAYS}
+        return replace(self, **arrays, regions=() if regions == (film,) else regions)
 
     def save(self, path: Path) -> None:
         """Write them to a file, which appears whole or not at all.
@@ -177,6 +197,7 @@ class PixelSums:
             "light_count": self.light_count,
             "light_list_error": self.light_list_error,
             "cache_error": self.cache_error,
+            "regions": [list(region) for region in self.regions],
         }
 
     def arrays(self) -> dict[str, NDArray]:
@@ -209,6 +230,7 @@ class PixelSums:
                 light_count=int(header["light_count"]),
                 light_list_error=float(header["light_list_error"]),
                 cache_error=float(header["cache_error"]),
+                regions=tuple((int(x0), int(y0), int(x1), int(y1)) for x0, y0, x1, y1 in header["regions"]),
             )
             count = len(sums.pixels)
             for name, (kind, numbers) in ARRAYS.items():
@@ -224,12 +246,12 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
     """Sums of several parts of one picture together, in any order of the parts.
 
     Args:
-        parts: at least one; no share of the still may be in two of them.
+        parts: at least one; no share of a pixel may be in two of them.
         names: what the parts are called in messages; numbers by default.
 
     Returns:
         The sums, for every pixel that is in any of the parts. Where a pixel is in one part only, its sums are that
-        part's, bit for bit.
+        part's, bit for bit. What is missing is named by :attr:`PixelSums.missing`.
 
     Raises:
         InputError: there is nothing to merge, or the parts do not belong together.
@@ -237,17 +259,23 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
     called = list(names) if names is not None else [f"part {i + 1}" for i in range(len(parts))]
     if not parts:
         raise InputError("no parts to merge were given")
-    owner: dict[int, str] = {}
+    groups: dict[tuple[int, ...], list[tuple[PixelSums, str]]] = {}
     for part, name in zip(parts, called, strict=True):
         different = parts[0].origin.difference(part.origin)
         if different is None and part.of != parts[0].of:
             different = f"another division ({part.of} and {parts[0].of} shares)"
         if different is not None:
             raise InputError(f"{name}: does not belong to {called[0]}: it has {different}")
-        for share in part.shares:
-            if share in owner:
-                raise InputError(f"{name}: holds share {share + 1}/{part.of}, which is in {owner[share]} as well")
-            owner[share] = name
+        for other, its in (member for group in groups.values() for member in group):
+            _must_be_apart(part, name, other, its)
+        groups.setdefault(part.shares, []).append((part, name))
+    (regions, first), *others = [_regions_of(group) for group in groups.values()]
+    for theirs, name in others:
+        if theirs != regions:
+            raise InputError(
+                f"{name}: does not belong to {first}: it has other regions "
+                f"({_all_written(theirs)} and {_all_written(regions)})"
+            )
     pixels = np.unique(np.concatenate([part.pixels for part in parts])).astype(np.uint32)
     total: dict[str, NDArray] = {
         name: np.zeros((len(pixels),) if numbers == 1 else (len(pixels), numbers), kind)
@@ -260,14 +288,60 @@ def merge(parts: Sequence[PixelSums], names: Sequence[str] | None = None) -> Pix
         for name in ARRAYS:
             if name != "pixels":
                 total[name][index] += getattr(part, name)
-    light_count = sum(part.light_count for part in parts)
     return PixelSums(
         parts[0].origin,
-        tuple(sorted(owner)),
+        tuple(sorted(share for shares in groups for share in shares)),
         parts[0].of,
         **total,
-        light_count=light_count,
+        # The regions of a share have the same paths from the light.
+        light_count=sum(group[0][0].light_count for group in groups.values()),
         # All parts have the same lists and the same cache: each has estimated the same errors in pixels of its own.
         light_list_error=math.sqrt(sum(part.light_list_error**2 for part in parts) / len(parts)),
         cache_error=math.sqrt(sum(part.cache_error**2 for part in parts) / len(parts)),
+        regions=regions,
     )
+
+
+def _must_be_apart(part: PixelSums, name: str, other: PixelSums, its: str) -> None:
+    """Refuse parts that have a share of a pixel in common."""
+    film = (0, 0, *part.origin.size)
+    meeting = [common(one, two) for one in part.regions or (film,) for two in other.regions or (film,)]
+    region = next((each for each in meeting if each is not None), None)
+    share = next((share for share in part.shares if share in other.shares), None)
+    if share is None or (region is None and part.shares == other.shares):
+        return
+    if region is None:
+        raise InputError(
+            f"{name}: holds other shares ({_parts(part)}) than {its} ({_parts(other)}), and of other regions"
+        )
+    where = "" if region == film else f" of the region {_written(region)}"
+    raise InputError(f"{name}: holds share {share + 1}/{part.of}{where}, which is in {its} as well")
+
+
+def _regions_of(group: Sequence[tuple[PixelSums, str]]) -> tuple[tuple[Region, ...], str]:
+    """The regions of all sums of the same shares, and the name of the first; empty where they are the film.
+
+    Raises:
+        InputError: they are not of the same paths from the light.
+    """
+    first, name = group[0]
+    for part, its in group:
+        if part.light_count != first.light_count:
+            raise InputError(
+                f"{its}: does not belong to {name}: it is of another number of light paths "
+                f"({part.light_count} and {first.light_count})"
+            )
+    regions = tuple(sorted(region for part, _ in group for region in part.regions))
+    return (regions if gaps(regions, first.origin.size) else ()), name
+
+
+def _parts(sums: PixelSums) -> str:
+    return ", ".join(f"{share + 1}/{sums.of}" for share in sums.shares)
+
+
+def _written(region: Region) -> str:
+    return ",".join(map(str, region))
+
+
+def _all_written(regions: Sequence[Region]) -> str:
+    return " ".join(map(_written, regions)) or "all"

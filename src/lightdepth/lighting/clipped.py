@@ -122,11 +122,12 @@ def _recovered(
     grey: Sequence[tuple[FloatArray, FloatArray]],
     diameter: float,
 ) -> RecoveredSource:
-    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed, scene.lights)
+    explained = ExplainedLight.of(scene, suns=scene.lights)
     sunlight = Sunlight(scene) if plateau.sky else None
     direction = plateau.direction
     sun = plateau.sky and plateau.angular_radius > 0.5 * diameter
-    if sunlight is not None and plateau.angular_radius > max(view.tuned.clipped_small, 0.75 * diameter):
+    small = max(view.tuned.clipped_small, view.tuned.clipped_beside * diameter)
+    if sunlight is not None and plateau.angular_radius > small:
         found = _sun_within(scene, view, sunlight, explained, plateau)
         direction, sun = (plateau.direction, False) if found is None else (found, True)
     place = _source_at(scene, plateau, direction, diameter if sun else None)
@@ -139,7 +140,7 @@ def _recovered(
     if grey:
         extra, error, method = (*_from_grey(view, explained, grey, direction, now), "known albedo")
     elif pairs:
-        only = ExplainedLight(_alone(scene, share), scene.real, scene.render.seed)
+        only = ExplainedLight.of(scene, _alone(scene, share))
         extra, error, method = (*_from_pairs(view, explained, only, pairs, direction, now), "clicked pairs")
     elif sunlight is not None:
         edges = measured(view, predicted_edges(view, sunlight, direction), view.tuned.clipped_reach)
@@ -165,7 +166,7 @@ def _recovered(
         return replace(nothing, method="not clipped")
     relative = error / np.maximum(total, 1e-30)
     radiance = total / float(angles.sum())
-    confidence = _confidence(relative)
+    confidence = _confidence(relative, view.tuned)
     if method == "falloff" and confidence == "good":
         confidence = "fair"
     source = replace(place, radiance=radiance)
@@ -176,7 +177,7 @@ def _together(
     scene: Scene, view: PanoramaView, plateaus: Sequence[Plateau], grey: Sequence[tuple[FloatArray, FloatArray]]
 ) -> list[RecoveredSource]:
     """Several lamps from places of known albedo; those that the places do not tell apart get one gain in common."""
-    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed, scene.lights)
+    explained = ExplainedLight.of(scene, suns=scene.lights)
     places, albedo = (np.array(each) for each in zip(*grey, strict=True))
     seen = view.look(places)
     light = explained.irradiance(seen.point, seen.normal, view.tuned.pair_samples)
@@ -185,7 +186,7 @@ def _together(
         raise InputError(TOO_DARK)
     sources = [_source_at(scene, plateau, plateau.direction, None) for plateau in plateaus]
     shares = [covered(scene.panorama.radiance, source) for source in sources]
-    alone = [ExplainedLight(_alone(scene, share), scene.real, scene.render.seed) for share in shares]
+    alone = [ExplainedLight.of(scene, _alone(scene, share)) for share in shares]
     given = np.stack([each.irradiance(seen.point, seen.normal, view.tuned.pair_samples) for each in alone], axis=1)
     more, errors = solve_gains(missing, given, light, view.tuned)
     explains = light + np.einsum("nkc,kc->nc", given, more)
@@ -207,7 +208,7 @@ def _together(
             continue
         total, relative = (1.0 + extra) * now, error / (1.0 + extra)
         found = replace(source, radiance=total / float(angles.sum()))
-        confidence = _confidence(relative)
+        confidence = _confidence(relative, view.tuned)
         results.append(RecoveredSource(plateau, found, "known albedo", total, now, low, high, relative, confidence))
     return results
 
@@ -244,9 +245,9 @@ def solve_gains(
     return factors, errors
 
 
-def _confidence(relative: FloatArray) -> str:
+def _confidence(relative: FloatArray, tuned: LightingParameters) -> str:
     worst = float(np.nanmax(relative)) if np.isfinite(relative).any() else 1.0
-    return "good" if worst <= 0.05 else "fair" if worst <= 0.15 else "poor"
+    return "good" if worst <= tuned.clipped_good_error else "fair" if worst <= tuned.clipped_fair_error else "poor"
 
 
 def _source_at(scene: Scene, plateau: Plateau, direction: FloatArray, diameter: float | None) -> ClippedSource:
@@ -298,7 +299,7 @@ def _from_pairs(
     shade = explained.irradiance(seen_shaded.point, seen_shaded.normal, view.tuned.pair_samples)
     shade = np.maximum(shade - only.irradiance(seen_shaded.point, seen_shaded.normal, view.tuned.pair_samples), 0.0)
     cosine = seen_lit.normal @ direction
-    if np.any(cosine <= 0.05):
+    if np.any(cosine <= view.tuned.clicked_grazing):
         raise InputError("--pair: a surface that is said to be lit faces away from the clipped source")
     ratio = _around(view, lit) / np.maximum(_around(view, shaded), 1e-30)
     values = (ratio * shade - light) / cosine[:, None]
@@ -308,7 +309,7 @@ def _from_pairs(
             "than the second, in its shadow, for all that the map explains"
         )
     _check_agreement("--pair", now + values, now, view.tuned)
-    return _median(values)
+    return _median(values, view.tuned)
 
 
 def _from_grey(
@@ -323,14 +324,14 @@ def _from_grey(
     albedo = np.array([value for _, value in grey])
     seen = view.look(places)
     cosine = seen.normal @ direction
-    if np.any(cosine <= 0.05):
+    if np.any(cosine <= view.tuned.clicked_grazing):
         raise InputError("--grey: the surface faces away from the clipped source")
     light = explained.irradiance(seen.point, seen.normal, view.tuned.pair_samples)
     values = (np.pi * _around(view, places) / albedo - light) / cosine[:, None]
-    if np.any(np.median(values, axis=0) < -0.1 * now):
+    if np.any(np.median(values, axis=0) < -view.tuned.clicked_too_dark * now):
         raise InputError(TOO_DARK)
     _check_agreement("--grey", now + values, now, view.tuned)
-    return _median(values)
+    return _median(values, view.tuned)
 
 
 def _check_agreement(option: str, irradiance: FloatArray, now: FloatArray, tuned: LightingParameters) -> None:
@@ -345,10 +346,10 @@ def _check_agreement(option: str, irradiance: FloatArray, now: FloatArray, tuned
     )
 
 
-def _median(values: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _median(values: FloatArray, tuned: LightingParameters) -> tuple[FloatArray, FloatArray]:
     value = np.median(values, axis=0)
     if len(values) < 3:
-        return value, np.maximum(0.1 * np.abs(value), 0.5 * np.ptp(values, axis=0))
+        return value, np.maximum(tuned.clicked_error * np.abs(value), 0.5 * np.ptp(values, axis=0))
     deviation = 1.4826 * np.median(np.abs(values - value), axis=0)
     return value, 1.2533 * deviation / np.sqrt(len(values))
 
@@ -363,14 +364,14 @@ def _bounds(
     scene: Scene, view: PanoramaView, explained: ExplainedLight, place: ClippedSource, now: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Irradiances of the source between which every lit surface has an albedo that matte surfaces can have."""
-    only = ExplainedLight(_alone(scene, covered(scene.panorama.radiance, place)), scene.real, scene.render.seed)
+    only = ExplainedLight.of(scene, _alone(scene, covered(scene.panorama.radiance, place)))
     pixels = view.centers()
     rng = np.random.default_rng(scene.render.seed)
     pixels = pixels[rng.choice(len(pixels), min(view.tuned.clipped_points, len(pixels)), replace=False)]
     seen = view.look(pixels)
     usable = (seen.surface >= 0) & ~view.opening[seen.surface]
     points, normals = seen.point[usable], seen.normal[usable]
-    source, light = only.irradiance(points, normals, 64), explained.irradiance(points, normals, 64)
+    source, light = (each.irradiance(points, normals, view.tuned.clipped_samples) for each in (only, explained))
     white = np.pi * view.colour(pixels[usable])
     strength = source.mean(axis=1)
     lit = strength > view.tuned.clipped_lit * float(strength.max(initial=0.0))
@@ -380,7 +381,7 @@ def _bounds(
         ((white[lit] / albedo) - light[lit]) / source[lit].clip(1e-30) + 1.0
         for albedo in (view.tuned.clipped_whitest, view.tuned.clipped_darkest)
     ]
-    lowest = np.maximum(np.percentile(gains[0], 95.0, axis=0), 1.0)
+    lowest = np.maximum(np.percentile(gains[0], 100.0 * view.tuned.clipped_surely, axis=0), 1.0)
     return lowest * now, np.maximum(np.median(gains[1], axis=0), lowest) * now
 
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from lightdepth.directions import FloatArray
-from lightdepth.scene.model import Panorama, RealSurface, SunLight
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
+from lightdepth.scene.model import Panorama, RealSurface, Scene, SunLight
 
 
 class ExplainedLight:
@@ -18,10 +19,16 @@ class ExplainedLight:
         real: the real surfaces.
         seed: of the random numbers.
         suns: whose light is explained as well; none by default.
+        parameters: what the place is taken to be.
     """
 
     def __init__(
-        self, panorama: Panorama, real: tuple[RealSurface, ...], seed: int = 0, suns: Sequence[SunLight] = ()
+        self,
+        panorama: Panorama,
+        real: tuple[RealSurface, ...],
+        seed: int = 0,
+        suns: Sequence[SunLight] = (),
+        parameters: PlaceParameters = DEFAULT,
     ) -> None:
         from lightdepth.kernel.start import start
 
@@ -30,8 +37,21 @@ class ExplainedLight:
         from lightdepth.place.real_surfaces import merge_real_surfaces
         from lightdepth.place.traced_surfaces import TracedSurfaces
 
-        self._place = Place(panorama, TracedSurfaces(merge_real_surfaces(real)), suns=suns)
+        surfaces = TracedSurfaces(merge_real_surfaces(real))
+        self._place = Place(panorama, surfaces, suns=suns, parameters=parameters)
         self._seed = seed
+
+    @classmethod
+    def of(cls, scene: Scene, panorama: Panorama | None = None, suns: Sequence[SunLight] = ()) -> ExplainedLight:
+        """The light in a scene's place, with its seed and parameters.
+
+        Args:
+            scene: the place.
+            panorama: whose light it is; the scene's by default.
+            suns: whose light is explained as well.
+        """
+        photograph = scene.panorama if panorama is None else panorama
+        return cls(photograph, scene.real, scene.render.seed, suns, scene.render.parameters.place)
 
     def irradiance(self, points: FloatArray, normals: FloatArray, samples: int) -> FloatArray:
         """Irradiance, shape (n, 3), at points on surfaces.

@@ -11,8 +11,6 @@ from lightdepth.lighting.explained import ExplainedLight
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.scene.model import Scene
 
-GAINS = np.geomspace(1.0, 1e5, 301)
-
 
 def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[FloatArray | None, FloatArray]:
     """The gain of a source by which matte surfaces of one colour look as they do.
@@ -29,7 +27,7 @@ def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[Float
     weight = share[..., None].astype(np.float32)
     radiance = scene.panorama.radiance
     source, rest = (
-        ExplainedLight(replace(scene.panorama, radiance=part), scene.real, scene.render.seed, suns)
+        ExplainedLight.of(scene, replace(scene.panorama, radiance=part), suns)
         for part, suns in ((radiance * weight, ()), (radiance * (1.0 - weight), scene.lights))
     )
     index = np.arange(view.tuned.falloff_points)
@@ -46,22 +44,25 @@ def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[Float
     )
     # What glows is no surface that is lit.
     apparent = bright / np.maximum(from_source + from_rest, 1e-30)
-    good = (bright > 0.0).all(axis=1) & (from_rest > 0.0).all(axis=1) & (apparent.max(axis=1) < 50.0)
+    good = (
+        (bright > 0.0).all(axis=1) & (from_rest > 0.0).all(axis=1) & (apparent.max(axis=1) < view.tuned.falloff_glows)
+    )
     groups = [np.flatnonzero(good & (surface == each)) for each in np.unique(surface)]
     groups = [group for group in groups if len(group) >= view.tuned.falloff_fewest_points]
     if not groups:
         return None, np.full(3, np.nan)
+    tried = np.geomspace(1.0, view.tuned.falloff_most, view.tuned.falloff_gains)
     gains, errors = np.ones(3), np.full(3, np.nan)
     for channel in range(3):
-        misfit = np.array([_misfit(bright, from_rest, from_source, groups, gain, channel) for gain in GAINS])
+        misfit = np.array([_misfit(bright, from_rest, from_source, groups, gain, channel) for gain in tried])
         best = int(np.argmin(misfit))
         count = sum(map(len, groups)) / view.tuned.falloff_correlated
         near = misfit <= misfit[best] * (1.0 + 2.0 / count)
-        first, last = GAINS[near][0], GAINS[near][-1]
+        first, last = tried[near][0], tried[near][-1]
         if misfit[-1] < view.tuned.falloff_clearly * misfit[best]:
             return None, np.full(3, np.nan)
-        gains[channel] = _vertex(np.log(GAINS), misfit, best)
-        errors[channel] = 0.5 * np.log(last / first) + 0.5 * np.log(GAINS[1] / GAINS[0]) * (first == last)
+        gains[channel] = _vertex(np.log(tried), misfit, best)
+        errors[channel] = 0.5 * np.log(last / first) + 0.5 * np.log(tried[1] / tried[0]) * (first == last)
     return gains, errors
 
 

@@ -17,8 +17,6 @@ from lightdepth.directions import FloatArray
 from lightdepth.lighting.mirror_images import ROUGHNESSES, SPECULARS, MirrorImages
 from lightdepth.parameters.lighting import DEFAULT, LightingParameters
 
-DISTANCES = (1, 2, 4, 7, 11)
-"""Between the cells of a pair, in cells."""
 LEVELS = np.concatenate([np.linspace(0.0, 1.0, 21), [1.15, 1.3, 1.5, 1.75, 2.0, 2.5]])
 """Specular levels that are tried."""
 
@@ -70,7 +68,7 @@ def find_pairs(images: MirrorImages, tuned: LightingParameters = DEFAULT) -> Pai
     cell[images.row, images.column] = np.arange(len(images.row))
     typical = images.lobes[:, SPECULARS.index(0.5)]
     firsts, seconds = [], []
-    for distance in DISTANCES:
+    for distance in tuned.gloss_distances:
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
             down, right = down * distance, right * distance
             other = np.full_like(cell, -1)
@@ -131,7 +129,7 @@ def fit_lobe(
         _interval(resampled[:, 0]),
         _interval(resampled[:, 1]),
         float(1.0 - misfit.sum(axis=2).min() / max(matte.sum(), 1e-30)),
-        float(np.mean(least < (1.0 - 1e-3) * (drawn @ matte))),
+        float(np.mean(least < (1.0 - tuned.gloss_improves) * (drawn @ matte))),
     )
 
 

@@ -75,7 +75,7 @@ def recover_sun(
     sunlight = Sunlight(scene)
     view = PanoramaView(scene)
     clicks = read_patches(patches, view, scene.panorama.radiance.shape[:2])
-    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
+    explained = ExplainedLight.of(scene)
     search = SunSearch(view, sunlight, explained, clicks)
     if direction is not None:
         direction = np.asarray(direction, dtype=np.float64) / np.linalg.norm(direction)
@@ -203,15 +203,15 @@ def _confidence(share: float, irradiance: SunIrradiance, uncertainty: float, tun
     if (
         share >= tuned.sun_good_share
         and irradiance.deviation <= tuned.sun_good_deviation
-        and relative <= 0.05
-        and uncertainty <= 0.25
+        and relative <= tuned.sun_good_error
+        and uncertainty <= tuned.sun_good_uncertainty
     ):
         return "good"
     if (
         share >= tuned.sun_fair_share
         and irradiance.deviation <= tuned.sun_fair_deviation
-        and relative <= 0.15
-        and uncertainty <= 0.75
+        and relative <= tuned.sun_fair_error
+        and uncertainty <= tuned.sun_fair_uncertainty
     ):
         return "fair"
     return "poor"

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from lightdepth.directions import FloatArray
 from lightdepth.lighting.panorama_view import REC709, PanoramaView
 from lightdepth.lighting.sunlight import Sunlight, turned
+from lightdepth.parameters.lighting import LightingParameters
 
 BISECTIONS = 7
-REACHES = (8.0, 6.0, 4.0, 3.0, 3.0, 2.5, 2.5)
-"""Heights of a pixel to each side of the predicted edge within which the photograph's is looked for, round by round."""
+"""Halvings of the way between two pixels, to a hundredth of it."""
 
 
 @dataclass(frozen=True)
@@ -85,20 +85,21 @@ def align(view: PanoramaView, sunlight: Sunlight, direction: FloatArray) -> Alig
     Returns:
         The direction, or ``None`` where too few edges are found.
     """
-    for reach in REACHES:
+    reaches = view.tuned.edge_reaches
+    for reach in reaches:
         edges = measured(view, predicted_edges(view, sunlight, direction), reach)
         found = np.isfinite(edges.offset)
         if found.sum() < view.tuned.fewest_edges:
             return None
-        turn, *_ = _least_squares(edges.moves[found], edges.offset[found])
+        turn, *_ = _least_squares(edges.moves[found], edges.offset[found], view.tuned)
         length = float(np.hypot(*turn))
-        turn *= min(1.0, 1.5 / max(length, 1e-12))
+        turn *= min(1.0, view.tuned.edge_most_turn / max(length, 1e-12))
         direction = turned(direction, float(turn[0]), float(turn[1]))
-    edges = measured(view, predicted_edges(view, sunlight, direction), REACHES[-1])
+    edges = measured(view, predicted_edges(view, sunlight, direction), reaches[-1])
     found = np.isfinite(edges.offset)
     if found.sum() < view.tuned.fewest_edges:
         return None
-    _, weight, covariance, scale = _least_squares(edges.moves[found], edges.offset[found])
+    _, weight, covariance, scale = _least_squares(edges.moves[found], edges.offset[found], view.tuned)
     good = np.asarray(found & (np.abs(np.nan_to_num(edges.offset)) < view.tuned.edge_agrees))
     good[found] &= weight > 0.0
     if good.sum() < view.tuned.fewest_edges:
@@ -125,7 +126,7 @@ def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArra
     for axis in (0, 1):
         there = np.roll(lit_picture, -1, axis)
         alike = (surface == np.roll(surface, -1, axis)) & (surface >= 0)
-        alike &= np.einsum("ijk,ijk->ij", normal, np.roll(normal, -1, axis)) > 0.99
+        alike &= np.einsum("ijk,ijk->ij", normal, np.roll(normal, -1, axis)) > view.tuned.edge_same_normal
         change = (there != lit_picture) & alike & (rows > view.tuned.edge_pole) & (rows < 1.0 - view.tuned.edge_pole)
         if axis == 0:
             change[-1] = False
@@ -149,7 +150,7 @@ def predicted_edges(view: PanoramaView, sunlight: Sunlight, direction: FloatArra
     pixel = 0.5 * (shaded + bright)
     pixel[:, 0] %= width
     toward = _gradient(lit_picture, pixel)
-    fine = np.hypot(*toward.T) > 0.02
+    fine = np.hypot(*toward.T) > view.tuned.edge_least_slope
     pixel, toward, of = pixel[fine], toward[fine], of[fine]
     toward /= np.linalg.norm(toward, axis=1, keepdims=True)
     moves = np.stack(
@@ -206,7 +207,8 @@ def measured(view: PanoramaView, edges: Edges, reach: float) -> Edges:
     share = (profile[index[:, None], window] - dark[:, None]) / np.maximum(bright - dark, 1e-30)[:, None]
     weights = np.ones(2 * half + 1)
     weights[[0, -1]] = 0.5
-    area = (np.clip(share, -0.3, 1.3) * weights).sum(axis=1) * tuned.edge_sample_distance
+    share = np.clip(share, -tuned.edge_overshoot, 1.0 + tuned.edge_overshoot)
+    area = (share * weights).sum(axis=1) * tuned.edge_sample_distance
     offset = offsets[middle] + half * tuned.edge_sample_distance - area
     contrast = bright / np.maximum(dark, 1e-30)
     return replace(edges, offset=np.where(found, offset, np.nan), contrast=np.where(found, contrast, np.nan))
@@ -226,7 +228,7 @@ def _alone(view: PanoramaView, sunlight: Sunlight, edges: Edges, direction: Floa
     Across a bar of a pixel's width the photograph shows a groove, and no edge where there is one.
     """
     alone = np.ones(len(edges.pixel), dtype=bool)
-    for by in (1.5, 3.0, view.tuned.edge_blur + view.tuned.edge_side):
+    for by in (*view.tuned.edge_alone, view.tuned.edge_blur + view.tuned.edge_side):
         for sign in (-1.0, 1.0):
             place = view.moved(edges.pixel, edges.toward_light, sign * by)
             alone &= _lit(view, sunlight, place, edges.surface, direction) == (sign > 0.0)
@@ -264,7 +266,9 @@ def _moved(
     return np.where(good, 0.5 * (low + high), np.nan)
 
 
-def _least_squares(moves: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+def _least_squares(
+    moves: FloatArray, offset: FloatArray, tuned: LightingParameters
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
     """The turn that explains the offsets, by least squares that leave outliers out (Tukey's biweight).
 
     Returns:
@@ -273,14 +277,14 @@ def _least_squares(moves: FloatArray, offset: FloatArray) -> tuple[FloatArray, F
     weight = np.ones(len(offset))
     turn = np.zeros(2)
     scale = 1.0
+    outlier = tuned.edge_outlier
     for _ in range(20):
         weighted = moves * weight[:, None]
         # A little stiffness keeps what the edges do not determine where it is.
-        normal = weighted.T @ moves + 1e-3 * np.trace(weighted.T @ moves) / 2.0 * np.eye(2)
+        normal = weighted.T @ moves + tuned.edge_stiffness * np.trace(weighted.T @ moves) / 2.0 * np.eye(2)
         turn = np.linalg.solve(normal, weighted.T @ offset)
         residual = offset - moves @ turn
-        scale = max(1.4826 * float(np.median(np.abs(residual))), 0.08)
-        weight = np.where(np.abs(residual) < 4.0 * scale, (1.0 - (residual / (4.0 * scale)) ** 2) ** 2, 0.0)
-    # Neighbouring edges share what is wrong with them: about one in five stands for itself.
-    covariance = 5.0 * scale**2 * np.linalg.inv(normal)
+        scale = max(1.4826 * float(np.median(np.abs(residual))), tuned.edge_least_deviation)
+        weight = np.where(np.abs(residual) < outlier * scale, (1.0 - (residual / (outlier * scale)) ** 2) ** 2, 0.0)
+    covariance = tuned.edge_correlated * scale**2 * np.linalg.inv(normal)
     return turn, weight, covariance, scale

@@ -18,9 +18,6 @@ from lightdepth.lighting.sun_edges import Edges
 from lightdepth.lighting.sunlight import Sunlight
 from lightdepth.parameters.lighting import DEFAULT, LightingParameters
 
-DISTANCES = (2.5, 3.5, 5.0, 7.0, 10.0)
-"""Heights of a pixel from the edge at which its sides are compared: the first that lies outside penumbra and blur."""
-
 
 @dataclass(frozen=True)
 class EdgePairs:
@@ -83,7 +80,7 @@ def compare_sides(
         )
     middle = view.moved(edges.pixel, edges.toward_light, edges.offset)
     distance = np.full(len(middle), np.nan)
-    for each in reversed(DISTANCES):
+    for each in reversed(view.tuned.pair_distances):
         clear = np.ones(len(middle), dtype=bool)
         for sign, share in ((1.0, 1.0), (-1.0, 0.0)):
             for by in (each - view.tuned.pair_clear, each, each + view.tuned.pair_clear):

@@ -97,7 +97,7 @@ def recover_mask(scene: Scene, sun: SunLight) -> SunMask:
     from scipy.spatial import cKDTree
 
     view, sunlight = PanoramaView(scene), Sunlight(scene)
-    explained = ExplainedLight(scene.panorama, scene.real, scene.render.seed)
+    explained = ExplainedLight.of(scene)
     pixels = view.centers()
     seen = view.look(pixels)
     usable = np.flatnonzero((seen.surface >= 0) & ~view.opening[seen.surface])
@@ -149,13 +149,13 @@ def recover_mask(scene: Scene, sun: SunLight) -> SunMask:
 def _fully_lit(transmittance: FloatArray, tuned: LightingParameters) -> FloatArray:
     """What the lit places of a surface have at least in the median, of shape (n, 3) that of each channel."""
     brightness = transmittance @ REC709
-    lit = transmittance[brightness > 0.5 * np.percentile(brightness, 95.0)]
+    lit = transmittance[brightness > tuned.mask_lit * np.percentile(brightness, 100.0 * tuned.mask_brightest)]
     if not len(lit):
         return np.ones(3)
     middle = np.median(lit, axis=0)
     deviation = 1.4826 * np.median(np.abs(lit - middle), axis=0)
     error = 1.2533 * deviation / np.sqrt(max(1.0, len(lit) / tuned.pair_correlated))
-    return np.asarray(middle - 2.0 * error)
+    return np.asarray(middle - tuned.mask_sure * error)
 
 
 def _within(view: PanoramaView, usable: NDArray[np.intp], lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -172,9 +172,9 @@ def _near(
     """Usable pixels in the shade, not far from the patch in the panorama."""
     picture = np.zeros(view.height * view.width, dtype=bool)
     picture[usable[in_patch]] = True
-    reach = view.height // 12
+    reach = int(view.height * view.tuned.mask_reach / 180.0)
     around = maximum_filter(picture.reshape(view.height, view.width), size=2 * reach + 1, mode=("nearest", "wrap"))
-    edge = maximum_filter(picture.reshape(view.height, view.width), size=5, mode=("nearest", "wrap"))
+    edge = maximum_filter(picture.reshape(view.height, view.width), size=view.tuned.mask_rim, mode=("nearest", "wrap"))
     wanted = (around & ~edge).reshape(-1)[usable]
     return np.flatnonzero(wanted & (share == 0.0))
 
@@ -189,7 +189,7 @@ def _irradiance(
     known = explained.irradiance(points[some], normals[some], tuned.mask_samples)
     scale = max(float(np.ptp(points, axis=0).max()), 1e-6)
     features = np.concatenate([points, scale * normals], axis=1)
-    distance, neighbour = cKDTree(features[some]).query(features, k=min(6, len(some)))
+    distance, neighbour = cKDTree(features[some]).query(features, k=min(tuned.mask_light_neighbours, len(some)))
     distance, neighbour = distance.reshape(len(points), -1), neighbour.reshape(len(points), -1)
     weight = 1.0 / (distance + 1e-3 * scale)
     return np.asarray((weight[..., None] * known[neighbour]).sum(axis=1) / weight.sum(axis=1)[:, None])

@@ -20,8 +20,6 @@ from lightdepth.lighting.sunlight import Sunlight, sky_directions, turned
 from lightdepth.parameters.lighting import LightingParameters
 
 RAYS_AT_ONCE = 2_000_000
-FINER = ((1.0, 3), (0.35, 3))
-"""Degrees between the directions of each further round, and how many steps it goes to each side."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +72,7 @@ class SunSearch:
             known = (
                 explained.irradiance(self._points[coarse], self._normals[coarse], view.tuned.search_samples) @ REC709
             )
-            light = _nearest(self._points, self._normals, coarse, known)
+            light = _nearest(self._points, self._normals, coarse, known, view.tuned.search_neighbours)
             self._bright = _excess(view.colour(pixels[usable]) @ REC709, light, surface, view.tuned)
 
     def best(self) -> list[Candidate]:
@@ -82,12 +80,13 @@ class SunSearch:
         directions = sky_directions(self._tuned.search_spacing, self._tuned.search_lowest)
         directions = directions[self._allowed(directions)]
         agreement = self._agreement(directions, self._coarse)
-        for index, (spacing, steps) in enumerate(FINER):
+        steps, apart = self._tuned.search_finer_steps, self._tuned.search_apart
+        for index, spacing in enumerate(self._tuned.search_finer):
             chosen = _peaks(
                 directions,
                 agreement,
-                self._tuned.search_kept if index == 0 else 3,
-                2.0 * self._tuned.search_spacing if index == 0 else 1.5,
+                self._tuned.search_kept if index == 0 else self._tuned.search_finer_kept,
+                2.0 * self._tuned.search_spacing if index == 0 else apart,
             )
             offsets = spacing * np.arange(-steps, steps + 1)
             directions = np.array([turned(directions[i], a, b) for i in chosen for a in offsets for b in offsets])
@@ -95,7 +94,7 @@ class SunSearch:
                 return []
             directions = directions[self._allowed(directions)]
             agreement = self._agreement(directions, self._enough(len(directions)))
-        order = _peaks(directions, agreement, self._tuned.search_kept, 1.5)
+        order = _peaks(directions, agreement, self._tuned.search_kept, apart)
         return [Candidate(directions[i], float(agreement[i])) for i in order]
 
     def agreement(self, direction: FloatArray) -> float:
@@ -113,7 +112,7 @@ class SunSearch:
 
     def _enough(self, directions: int) -> NDArray[np.intp]:
         """Points for a finer search: all of them for few directions, half of them for many."""
-        return np.arange(0, len(self._points), 1 if directions < 200 else 2)
+        return np.arange(0, len(self._points), 1 if directions < self._tuned.search_half else 2)
 
     def _agreement(self, directions: FloatArray, chosen: NDArray[np.intp]) -> FloatArray:
         """Correlation for each direction, shape (n,), over the chosen points; -1 where it lights next to nothing."""
@@ -148,14 +147,16 @@ def _spread(view: PanoramaView, count: int) -> FloatArray:
     return np.stack([u * view.width, np.arccos(z) / np.pi * view.height], axis=-1)
 
 
-def _nearest(points: FloatArray, normals: FloatArray, known: NDArray[np.intp], values: FloatArray) -> FloatArray:
+def _nearest(
+    points: FloatArray, normals: FloatArray, known: NDArray[np.intp], values: FloatArray, count: int
+) -> FloatArray:
     """Values at all points from those at known ones: of the nearest that face alike."""
     from scipy.spatial import cKDTree
 
     scale = float(np.ptp(points, axis=0).max())
     features = np.concatenate([points, scale * normals], axis=1)
     tree = cKDTree(features[known])
-    distance, neighbour = tree.query(features, k=min(3, len(known)))
+    distance, neighbour = tree.query(features, k=min(count, len(known)))
     distance, neighbour = np.atleast_2d(distance.T).T, np.atleast_2d(neighbour.T).T
     weight = 1.0 / (distance + 1e-6)
     return np.asarray((weight * values[neighbour]).sum(axis=1) / weight.sum(axis=1))

@@ -1,8 +1,10 @@
 """The constants that were tuned, and why each has its value: a benchmark varies them without patching modules.
 
 They are part of a scene's settings (``[render.parameters]`` in its file), and so of every digest of a scene: sums,
-checkpoints, frames and cached places of different parameters are never taken for each other. Those by which a first
-scene is guessed, ``QuickstartParameters``, are arguments of the functions that guess it, and no part of the scene.
+checkpoints, frames and cached places of different parameters are never taken for each other. Those of what comes before
+the scene file are arguments of the functions that they belong to, and no part of the scene: ``CaptureParameters``,
+``MirrorBallParameters``, ``CalibrationParameters``, ``ReconstructionParameters``, and ``QuickstartParameters``, by which
+a first scene is guessed.
 """
 
 from __future__ import annotations
@@ -10,24 +12,34 @@ from __future__ import annotations
 from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.balance import BalanceParameters
+from lightdepth.parameters.calibration import CalibrationParameters
+from lightdepth.parameters.capture import CaptureParameters
 from lightdepth.parameters.denoising import DenoisingParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
+from lightdepth.parameters.mirror_ball import MirrorBallParameters
+from lightdepth.parameters.motion_blur import MotionBlurParameters
 from lightdepth.parameters.place import PlaceParameters
 from lightdepth.parameters.quickstart import QuickstartParameters
 from lightdepth.parameters.ranges import CHECKED
+from lightdepth.parameters.reconstruction import ReconstructionParameters
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.parameters.reuse import ReuseParameters
 from lightdepth.parameters.transport import TransportParameters
 
 __all__ = [
     "BalanceParameters",
+    "CalibrationParameters",
+    "CaptureParameters",
     "DenoisingParameters",
     "FilmParameters",
     "LightingParameters",
+    "MirrorBallParameters",
+    "MotionBlurParameters",
     "Parameters",
     "PlaceParameters",
     "QuickstartParameters",
+    "ReconstructionParameters",
     "RecoveryParameters",
     "ReuseParameters",
     "TransportParameters",
@@ -46,6 +58,7 @@ class Parameters:
         transport: of following paths.
         film: of taking samples, and of the layers other than light.
         denoising: of removing what is left of the noise.
+        motion_blur: of the instants of a frame.
         reuse: of frames that share samples.
 
     Raises:
@@ -59,4 +72,5 @@ class Parameters:
     transport: TransportParameters = TransportParameters()
     film: FilmParameters = FilmParameters()
     denoising: DenoisingParameters = DenoisingParameters()
+    motion_blur: MotionBlurParameters = MotionBlurParameters()
     reuse: ReuseParameters = ReuseParameters()

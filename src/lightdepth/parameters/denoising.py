@@ -12,6 +12,8 @@ class DenoisingParameters:
     """How a frame is denoised.
 
     Attributes:
+        tile: pixels along the side of the tiles that decide what is filtered how.
+        largest_box: pixels of the largest box that is filtered at once; it bounds the memory.
         margin: pixels that the network is shown around a box where little is there: what is farther away changes a pixel by
             less than half a percent.
         wide_margin: the same where the layer goes on beyond the box.
@@ -30,6 +32,10 @@ class DenoisingParameters:
         most_errors: standard errors by which the network may change a pixel: it blurs edges that the samples show sharply.
         fewest_samples: samples of a pixel from which on their spread is an estimate of its error.
         dark: share of the photograph's median that is added where the change is divided by the photograph.
+        rim_around: pixels across the square whose largest share of the layer a pixel of its rim is compared with,
+        rim_share: and share of it from which on the pixel shows the layer reliably.
+        rim_blur: pixels across the square whose mean goes on beyond the rim: a single pixel's noise would become a streak.
+        rim_alone: share of a pixel that the layer fills from which on the guides show it alone.
         few: an excess that fewer samples than this carry is a firefly.
         outlier_contrast: a pixel exceeds its surroundings where it is above this many times their median,
         outlier_errors: plus this many of their standard errors.
@@ -37,9 +43,16 @@ class DenoisingParameters:
         beside: share of its brightness up to which what many samples agree on beside an outlier does not make it part of a
             feature.
         crowd: outliers among three by three pixels, at most: more are a thin bright line, or noise that the denoiser knows.
-        visible: share of the brightness around up to which a firefly's spread light makes no visible spot.
+        visible: share of the brightness around up to which a firefly's spread light makes no visible spot;
+        visible_dark: that brightness is at least this share of the layer's mean.
+        spread: standard deviation of the smallest Gaussian that a firefly's light is spread by, pixels.
+        spreads: of which each is twice as wide as the one before; the smallest that makes no visible spot is used, and what
+            would be one even so is left out.
+        spread_filled: a Gaussian's share that the layer fills counts as at least this: a sliver takes up no more light.
     """
 
+    tile: Count = 16
+    largest_box: Count = 1 << 21
     margin: Count = 32
     wide_margin: Count = 64
     box_cost: Count = 5000
@@ -56,6 +69,10 @@ class DenoisingParameters:
     most_errors: Positive = 3.0
     fewest_samples: Count = 4
     dark: Positive = 0.02
+    rim_around: Count = 5
+    rim_share: Share = 0.5
+    rim_blur: Count = 9
+    rim_alone: Share = 0.99
     few: Count = 8
     outlier_contrast: Positive = 1.3
     outlier_errors: Positive = 4.0
@@ -63,6 +80,10 @@ class DenoisingParameters:
     beside: Share = 0.1
     crowd: Count = 2
     visible: Share = 0.1
+    visible_dark: Share = 0.05
+    spread: Positive = 4.0
+    spreads: Count = 4
+    spread_filled: Positive = 0.05
 
 
 DEFAULT = DenoisingParameters()

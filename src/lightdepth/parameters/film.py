@@ -40,13 +40,18 @@ class FilmParameters:
             Dammertz et al. 2010; relative to the brightness itself, highlights would get too few.
         neighbourhood: pixels to each side whose mean error decides how many samples the pixel in the middle gets; its own
             would bias it.
+        least_round: further samples end where fewer are left for each pixel than this share of ``quantum``: a round costs
+            as much as its estimate of the errors.
         least_noise: smallest share of a wanted noise that is left to the pixels' own errors, however large the shared
             ones are.
         dark: errors count relative to a pixel's brightness plus this share of the median: nobody sees noise in the dark.
         seconds_between_errors: shortest time between two estimates of the error for progress reports.
         error_time_share: largest share of the time that these estimates may take.
+        single_around: pixels side by side whose mean brightness stands for that of a pixel with a single sample, which is
+            as uncertain as the sample.
         worth_shared: errors that all pixels share are estimated once the pixels' own errors are below this: they are far
             smaller.
+        shared_again: and again whenever this many times as many samples have been taken.
         compared_lists: light lists that are compared for that; more pixels tell more than more lists.
         fewest_probes: pixels in which they are compared, at least.
         most_probes: the same at most.
@@ -54,12 +59,16 @@ class FilmParameters:
             the time.
         cache_probes: pixels in which two radiance caches are compared.
         cache_samples: paths in each of them.
+        selection_tile: pixels along the side of the tiles that are sampled or skipped as a whole; each costs five rays.
         layer_subpixels: points along each side of a pixel over which normal and albedo are averaged.
         edge_samples: points in a pixel that shows an object's edge, by which the objects' coverage is measured.
         highlight_samples: of each of two techniques in each pixel of the photograph whose highlights move with the camera.
         draft_highlight_samples: the same in a draft.
+        fewest_highlight_samples: at each of several points in a pixel, at least.
+        highlight_lights: light samples that all pixels share, for each of these samples: they serve a whole band of rows.
         highlight_blur: pixels across the square in which the noise of a lobe is shared that is wider; narrower ones have
             little, but edges.
+        share_subpixels: points along each side of a pixel at which the photographs' shares are looked up.
         most_plate_subpixels: points along each side of a pixel at which the photograph is looked up, at most.
         fewest_lens_points: points of the lens for each pixel of the photograph that it blurs, at least; powers of two,
             in which Sobol's sequence is even.
@@ -86,22 +95,29 @@ class FilmParameters:
     most_share: Count = 16
     contrast: Share = 0.5
     neighbourhood: Count = 2
+    least_round: Share = 1 / 64
     least_noise: Share = 0.5
     dark: NotNegative = 0.1
     seconds_between_errors: NotNegative = 0.5
     error_time_share: Positive = 0.05
+    single_around: Count = 9
     worth_shared: NotNegative = 0.05
+    shared_again: Annotated[Positive, Field(ge=1.0)] = 4.0
     compared_lists: Annotated[Count, Field(ge=2)] = 2
     fewest_probes: Count = 12
     most_probes: Count = 64
     paths_a_light_sample: Count = 20
     cache_probes: Count = 512
     cache_samples: Count = 16
+    selection_tile: Count = 8
     layer_subpixels: Count = 2
     edge_samples: PowerOfTwo = 32
     highlight_samples: Count = 64
     draft_highlight_samples: Count = 16
+    fewest_highlight_samples: Count = 4
+    highlight_lights: Count = 1 << 12
     highlight_blur: Count = 3
+    share_subpixels: Count = 2
     most_plate_subpixels: Count = 8
     fewest_lens_points: PowerOfTwo = 64
     most_lens_points: PowerOfTwo = 256

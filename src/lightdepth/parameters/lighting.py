@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Ratio, Share
+from lightdepth.parameters.ranges import CHECKED, Count, Distances, NotNegative, Positive, Probability, Ratio, Share
 
 Elevation = Annotated[float, Field(strict=True, ge=-90.0, le=90.0)]
 Negative = Annotated[float, Field(strict=True, lt=0.0, allow_inf_nan=False)]
@@ -23,6 +23,12 @@ class LightingParameters:
         search_lowest: degrees of elevation down to which the sun is searched, so that a patch that no sun makes is
             recognised.
         search_spacing: degrees between the first directions.
+        search_finer: degrees between the directions of each further round,
+        search_finer_steps: steps that it goes to each side,
+        search_finer_kept: directions that are looked at more closely between these rounds,
+        search_apart: and degrees that they are apart, at least.
+        search_half: directions from which on half of the points will do.
+        search_neighbours: nearest coarse points that give a point's explained light.
         search_points: points that these are compared at, at most.
         search_fine_points: the same for those near the best.
         search_samples: of the irradiance at each point; what matters is the step between lit and shaded.
@@ -39,6 +45,22 @@ class LightingParameters:
         sun_fair_share: the same for fair confidence.
         sun_good_deviation: typical relative deviation of a pair's irradiance, at most, for good confidence.
         sun_fair_deviation: the same for fair confidence.
+        sun_good_error: relative standard error of a channel's irradiance, at most, for good confidence.
+        sun_fair_error: the same for fair confidence.
+        sun_good_uncertainty: degrees of the direction's standard error, at most, for good confidence.
+        sun_fair_uncertainty: the same for fair confidence.
+        edge_reaches: heights of a pixel within which edges are looked for, in each round.
+        edge_most_turn: degrees by which a round turns the direction, at most.
+        edge_same_normal: cosine between the normals of neighbouring pixels from which on an edge between them is one of
+            light.
+        edge_least_slope: of what is lit, blurred, per pixel; less has no direction.
+        edge_alone: heights of a pixel to each side, besides the farthest that is looked at, where one side must be lit and
+            the other not.
+        edge_overshoot: share of its step up to which brightness beyond either side counts.
+        edge_outlier: typical deviations from which on an edge does not count at all.
+        edge_least_deviation: heights of a pixel of the typical deviation, at least.
+        edge_stiffness: share of the typical determination that holds what the edges do not determine.
+        edge_correlated: neighbouring edges share what is wrong with them: one in this many counts as independent.
         edge_sample_distance: heights of a pixel between samples across an edge.
         edge_blur: heights of a pixel over which an edge is blurred at most, to each side.
         edge_side: heights of a pixel beyond that, over which the brightness of either side is averaged.
@@ -52,6 +74,8 @@ class LightingParameters:
         fewest_edges: that determine a direction.
         enough_edges: edges that stand alone, from which on those beside other edges are left out.
         pair_clear: heights of a pixel around the middle of either side of an edge that must be wholly lit or wholly shaded.
+        pair_distances: heights of a pixel from an edge at which its sides are compared: the first that lies outside
+            penumbra and blur.
         pair_samples: of the irradiance at each place.
         pair_correlated: neighbouring pairs share what is wrong with them: one in this many counts as independent.
         most_pairs: places on edges whose sides are compared.
@@ -61,6 +85,12 @@ class LightingParameters:
         mask_margin: texels around what the sun shines through.
         mask_samples: of the irradiance at each point in the patch and beside it.
         mask_light_points: points at which it is estimated; the others take it from the nearest.
+        mask_light_neighbours: nearest of these that give it.
+        mask_reach: degrees from a patch up to which shade is looked for.
+        mask_rim: pixels across the square around a patch's pixel that is left out of the shade.
+        mask_brightest: share of a surface's places of a patch that are no brighter than its bright ones.
+        mask_lit: share of their brightness from which on a place counts as wholly lit.
+        mask_sure: standard errors by which what is wholly lit lets more through than is believed.
         mask_neighbours: nearest shaded pixels of the same surface that give a point's albedo.
         mask_fewest_pixels: of a patch, and of a surface's shade.
         plateau_level: share of the largest value of any channel from which on a pixel counts as clipped.
@@ -68,6 +98,7 @@ class LightingParameters:
         plateau_fewest_pixels: of a plateau.
         most_plateaus: sources that are recovered.
         clipped_small: degrees of a plateau's angular radius up to which it alone gives the direction of the sun.
+        clipped_beside: diameters of the sun's disc of a plateau's angular radius up to which its middle is the sun's.
         clipped_largest_glow: the same up to which its middle says where in it the sun stands.
         clipped_more_than_glow: times the clipped light of a large plateau of sky that, where they are missing, are the
             sun's.
@@ -75,9 +106,16 @@ class LightingParameters:
         clipped_darkest: albedo that the typical surface has at least: a bound where nothing else narrows it.
         clipped_whitest: albedo that every surface has at most.
         clipped_points: points that the bounds come from.
+        clipped_samples: of the irradiance at each.
+        clipped_surely: share of the lit ones whose albedo the lower bound makes possible.
         clipped_lit: share of the strongest irradiance from the source from which on a point contributes to them.
         clipped_rounds: in which several sources are recovered, each with what the last round found of the others.
         clipped_place_error: relative error of the light at a place of known albedo.
+        clipped_good_error: relative standard error of the light, at most, for good confidence.
+        clipped_fair_error: the same for fair confidence.
+        clicked_grazing: cosine up to which a clicked place faces away from the source.
+        clicked_too_dark: share of the source's clipped light by which a place of known albedo may be too dark.
+        clicked_error: relative error of what fewer than three clicks say.
         clipped_contradiction: times the light that one click gives a source, or an albedo, from which on another one
             contradicts it.
         clipped_gain_spread: how much the gains of lamps of one room may differ, relative to their common one, where places
@@ -85,6 +123,9 @@ class LightingParameters:
         clipped_largest_error: relative standard error of a gain from falloff beyond which the photograph does not
             determine it.
         not_clipped: share of a source's light up to which what is missing may be the recovery's own error.
+        falloff_most: largest gain that is tried,
+        falloff_gains: and gains between 1 and it, in equal ratios.
+        falloff_glows: apparent albedo from which on a surface is taken to glow.
         falloff_points: points all around at which a source's falloff is looked at.
         falloff_samples: of the irradiance at each.
         falloff_fewest_points: on a surface.
@@ -98,6 +139,8 @@ class LightingParameters:
         gloss_good_spread: root mean square deviation of the sources among each other, at most, for good confidence.
         gloss_fair_spread: the same for fair confidence.
         gloss_differs: of what is shown, by which a lobe of 4 % must mirror more at one place of a pair than at the other.
+        gloss_distances: cells between the cells of a pair.
+        gloss_improves: share of a resample's variation that a lobe must explain to count.
         gloss_tile: cells along the side of the tiles that stand for themselves in the bootstrap.
         gloss_resamples: of the bootstrap.
         gloss_fewest_pairs: that determine a lobe.
@@ -116,6 +159,12 @@ class LightingParameters:
     grazing: Share = 0.03
     search_lowest: Elevation = -30.0
     search_spacing: Positive = 2.5
+    search_finer: Distances = (1.0, 0.35)
+    search_finer_steps: Count = 3
+    search_finer_kept: Count = 3
+    search_apart: Positive = 1.5
+    search_half: Count = 200
+    search_neighbours: Count = 3
     search_points: Count = 4000
     search_fine_points: Count = 30000
     search_samples: Count = 64
@@ -131,6 +180,20 @@ class LightingParameters:
     sun_fair_share: Share = 0.3
     sun_good_deviation: Positive = 0.15
     sun_fair_deviation: Positive = 0.4
+    sun_good_error: Positive = 0.05
+    sun_fair_error: Positive = 0.15
+    sun_good_uncertainty: Positive = 0.25
+    sun_fair_uncertainty: Positive = 0.75
+    edge_reaches: Distances = (8.0, 6.0, 4.0, 3.0, 3.0, 2.5, 2.5)
+    edge_most_turn: Positive = 1.5
+    edge_same_normal: Share = 0.99
+    edge_least_slope: NotNegative = 0.02
+    edge_alone: Distances = (1.5, 3.0)
+    edge_overshoot: NotNegative = 0.3
+    edge_outlier: Positive = 4.0
+    edge_least_deviation: Positive = 0.08
+    edge_stiffness: Positive = 1e-3
+    edge_correlated: Positive = 5.0
     edge_sample_distance: Positive = 0.5
     edge_blur: Positive = 2.5
     edge_side: Positive = 2.0
@@ -144,6 +207,7 @@ class LightingParameters:
     fewest_edges: Count = 12
     enough_edges: Count = 60
     pair_clear: NotNegative = 1.25
+    pair_distances: Distances = (2.5, 3.5, 5.0, 7.0, 10.0)
     pair_samples: Count = 512
     pair_correlated: Positive = 5.0
     most_pairs: Count = 1200
@@ -153,6 +217,12 @@ class LightingParameters:
     mask_margin: NotNegative = 4.0
     mask_samples: Count = 128
     mask_light_points: Count = 3000
+    mask_light_neighbours: Count = 6
+    mask_reach: Positive = 15.0
+    mask_rim: Count = 5
+    mask_brightest: Share = 0.95
+    mask_lit: Share = 0.5
+    mask_sure: NotNegative = 2.0
     mask_neighbours: Count = 40
     mask_fewest_pixels: Count = 30
     plateau_level: Share = 0.98
@@ -160,19 +230,30 @@ class LightingParameters:
     plateau_fewest_pixels: Count = 2
     most_plateaus: Count = 8
     clipped_small: Positive = 2.0
+    clipped_beside: Positive = 0.75
     clipped_largest_glow: Positive = 25.0
     clipped_more_than_glow: Positive = 4.0
     clipped_reach: Positive = 6.0
     clipped_darkest: Probability = 0.02
     clipped_whitest: Share = 0.95
     clipped_points: Count = 1500
+    clipped_samples: Count = 64
+    clipped_surely: Share = 0.95
     clipped_lit: Share = 0.3
     clipped_rounds: Count = 3
     clipped_place_error: Positive = 0.05
+    clipped_good_error: Positive = 0.05
+    clipped_fair_error: Positive = 0.15
+    clicked_grazing: Share = 0.05
+    clicked_too_dark: Share = 0.1
+    clicked_error: Positive = 0.1
     clipped_contradiction: Ratio = 3.0
     clipped_gain_spread: Positive = 1.0
     clipped_largest_error: Positive = 0.3
     not_clipped: Share = 0.1
+    falloff_most: Ratio = 1e5
+    falloff_gains: Annotated[Count, Field(ge=3)] = 301
+    falloff_glows: Positive = 50.0
     falloff_points: Count = 2000
     falloff_samples: Count = 512
     falloff_fewest_points: Count = 40
@@ -186,6 +267,8 @@ class LightingParameters:
     gloss_good_spread: Positive = 0.06
     gloss_fair_spread: Positive = 0.12
     gloss_differs: Positive = 0.03
+    gloss_distances: Annotated[tuple[Count, ...], Field(min_length=1)] = (1, 2, 4, 7, 11)
+    gloss_improves: Share = 1e-3
     gloss_tile: Count = 12
     gloss_resamples: Count = 200
     gloss_fewest_pairs: Count = 60
@@ -197,6 +280,18 @@ class LightingParameters:
     mirror_irradiance_samples: Count = 256
     mirror_sources: Count = 8
     mirror_near: Positive = 20.0
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        for what in ("sun_{}_deviation", "sun_{}_error", "sun_{}_uncertainty", "clipped_{}_error", "gloss_{}_width"):
+            good, fair = what.format("good"), what.format("fair")
+            if getattr(self, good) > getattr(self, fair):
+                raise ValueError(f"{good} must be at most {fair}")
+        if self.sun_fair_share > self.sun_good_share:
+            raise ValueError("sun_fair_share must be at most sun_good_share")
+        if self.clipped_darkest > self.clipped_whitest:
+            raise ValueError("clipped_darkest must be at most clipped_whitest")
+        return self
 
 
 DEFAULT = LightingParameters()

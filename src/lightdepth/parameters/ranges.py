@@ -29,6 +29,8 @@ Ratio = Annotated[Positive, Field(gt=1.0)]
 """More than 1; its inverse counts as well."""
 NotNegative = Annotated[float, Field(strict=True, ge=0.0, allow_inf_nan=False)]
 """0 or more."""
+Distances = Annotated[tuple[Positive, ...], Field(min_length=1)]
+"""One or more, each more than 0, in the order in which they are used."""
 
 CHECKED = ConfigDict(extra="forbid")
 """Of every parameters object: no name is misspelt unnoticed."""

@@ -28,6 +28,10 @@ class TransportParameters:
         mirrors_all: share of the paths that come from an object to a glossy surface and follow what its lobe mirrors, of
             all light; the others follow the change of its matte part.
         most_spheres: objects beyond this count share bounding spheres; each costs a test at each support vertex.
+        compared_spheres: of more spheres than this, neighbours along their longest extent share one before the nearest are
+            looked for: all pairs would take long.
+        outline_faces: of a part of an object, about, that has a sphere of its own where the influenced pixels are found.
+        outline_parts: of all objects together, at most, where they are not more themselves.
         expanded_triangles: meshes that stand at many places become one mesh of at most this many triangles; beyond, each
             stands once in memory, and rays take longer to find it.
         roulette_depth: scatterings before Russian roulette by throughput begins.
@@ -66,6 +70,9 @@ class TransportParameters:
     glossy_share: Probability = 0.5
     mirrors_all: Probability = 0.75
     most_spheres: Count = 6
+    compared_spheres: Count = 64
+    outline_faces: Count = 32
+    outline_parts: Count = 512
     expanded_triangles: Count = 500_000
     roulette_depth: Depth = 3
     aimed_density: Positive = 256.0

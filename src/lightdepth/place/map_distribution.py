@@ -22,13 +22,10 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_solid_angles
 from lightdepth.kernel.arrays import aligned, aligned_empty
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 PIXELS_AT_ONCE = 1 << 18
-FEWEST_SHARE = 0.05
-"""Of the weights of the four nearest pixels, below which those farther away are taken that show the right surface."""
-EVEN = 0.01
-"""If less than this share of the light exceeds the mean, the map is taken to be even, and all of it is sampled."""
 
 
 def hilbert_curve(levels: int) -> NDArray[np.uint16]:
@@ -57,6 +54,7 @@ class MapDistribution:
         radiance: linear RGB, shape (height, 2 height, 3), float32, finite and not negative.
         alone: whether nothing but light sampling finds the light, so that all of it must be sampled.
         importance: factor on the density of each pixel, shape (height, 2 height), not negative; ``None`` is 1.
+        parameters: when it is even, and what is looked up beside edges.
 
     Attributes:
         power: luminance times solid angle that is sampled, with its importance.
@@ -65,8 +63,13 @@ class MapDistribution:
     """
 
     def __init__(
-        self, radiance: NDArray[np.float32], alone: bool = False, importance: NDArray[np.float32] | None = None
+        self,
+        radiance: NDArray[np.float32],
+        alone: bool = False,
+        importance: NDArray[np.float32] | None = None,
+        parameters: PlaceParameters = DEFAULT,
     ) -> None:
+        self._edge_weight = parameters.edge_weight
         self.height, self.width = radiance.shape[:2]
         texels = aligned_empty((self.height, self.width, 4))
         texels[..., :3] = radiance
@@ -79,7 +82,7 @@ class MapDistribution:
             float(np.maximum(row - mean, 0.0).sum()) * angle for row, angle in zip(weights, solid_angles, strict=True)
         )
         self.light, self.standing_out = total, standing_out
-        if standing_out > EVEN * total and not alone:
+        if standing_out > parameters.even * total and not alone:
             weights -= mean
             np.maximum(weights, 0.0, out=weights)
             total = standing_out
@@ -171,7 +174,7 @@ class MapDistribution:
                     share = dr.select(there, share, 0.0)
                     near += share * value
                     near_weight += share
-        partly = dr.select(near_weight > FEWEST_SHARE, near / near_weight, far / far_weight)
+        partly = dr.select(near_weight > self._edge_weight, near / near_weight, far / far_weight)
         return dr.select(everywhere | (far_weight == 0.0), self.sharp_radiance(direction), partly)
 
     def pixel(self, direction: mi.Vector3f) -> mi.UInt32:

@@ -34,7 +34,7 @@ class ObjectBounds:
     """
 
     def __init__(self, spheres: Sequence[Sphere], parameters: TransportParameters = DEFAULT) -> None:
-        self.spheres = _merge_nearest(list(spheres), parameters.most_spheres)
+        self.spheres = _merge_nearest(list(spheres), parameters.most_spheres, parameters.compared_spheres)
         self._directed_share = parameters.directed_share
         self._centres = [as_point(centre) for centre, _ in self.spheres]
         self._radii = [dr.opaque(mi.Float, radius) for _, radius in self.spheres]
@@ -209,9 +209,11 @@ def _picked(choice: mi.Float, total: mi.Float, sizes: list[mi.Float], *columns: 
     return picked
 
 
-def _merge_nearest(spheres: list[Sphere], most: int) -> list[Sphere]:
+def _merge_nearest(spheres: list[Sphere], most: int, compared: int) -> list[Sphere]:
     """Merge spheres two by two, those first whose common sphere is the smallest, until no more than ``most`` are left."""
-    while len(spheres) > 64:  # Many objects: a coarse first round along the longest axis keeps this quick.
+    while len(spheres) > max(
+        compared, most
+    ):  # Many objects: a coarse first round along the longest axis keeps this quick.
         axis = int(np.argmax(np.ptp([centre for centre, _ in spheres], axis=0)))
         spheres = sorted(spheres, key=lambda sphere: float(sphere[0][axis]))
         spheres = [_enclose(*spheres[i : i + 2]) for i in range(0, len(spheres), 2)]

@@ -13,12 +13,8 @@ from numpy.typing import NDArray
 
 from lightdepth.cameras import Viewpoint
 from lightdepth.kernel.arrays import aligned
+from lightdepth.parameters.transport import DEFAULT, TransportParameters
 from lightdepth.place.object_bounds import Sphere
-
-FACES = 32
-"""Of a part, about."""
-MOST_PARTS = 512
-"""Of all objects together, where they are not more themselves."""
 
 
 class ObjectOutline:
@@ -30,24 +26,26 @@ class ObjectOutline:
         parts: a sphere around each shape, and the vertices, shape (n, 3), and faces, shape (m, 3), of meshes, ``None`` of
             others.
         around_instances: centres, shape (n, 3), and radii, shape (n,), of spheres around instances, which are not divided.
+        parameters: how many parts there are.
     """
 
     def __init__(
         self,
         parts: Sequence[tuple[Sphere, tuple[NDArray[np.floating], NDArray[np.unsignedinteger]] | None]],
         around_instances: tuple[NDArray[np.floating], NDArray[np.floating]] = (np.zeros((0, 3)), np.zeros(0)),
+        parameters: TransportParameters = DEFAULT,
     ) -> None:
         centres, radii = ([values] for values in around_instances)
-        most = MOST_PARTS // max(len(parts) + len(around_instances[1]), 1)
+        most = parameters.outline_parts // max(len(parts) + len(around_instances[1]), 1)
         for (centre, radius), mesh in parts:
             spheres = np.asarray(centre)[None], np.array([radius])
-            if mesh is not None and most > 1 and len(mesh[1]) > FACES:
-                spheres = _kept_parts(*mesh, most)
+            if mesh is not None and most > 1 and len(mesh[1]) > parameters.outline_faces:
+                spheres = _kept_parts(*mesh, min(most, -(-len(mesh[1]) // parameters.outline_faces)))
             centres.append(spheres[0])
             radii.append(spheres[1])
         self.centres, self.radii = np.concatenate(centres), np.concatenate(radii)
-        if len(self.radii) > MOST_PARTS:
-            self.centres, self.radii = _merged(self.centres, self.radii)
+        if len(self.radii) > parameters.outline_parts:
+            self.centres, self.radii = _merged(self.centres, self.radii, parameters.outline_parts)
         self._centres, self._radii = mi.Float(aligned(self.centres)), mi.Float(aligned(self.radii))
 
     def near(self, ray: mi.Ray3f, margin: mi.Float, view: Viewpoint, pixel: mi.Float) -> mi.Bool:
@@ -79,37 +77,37 @@ class ObjectOutline:
 
 
 _kept: dict[tuple[int, int], tuple[NDArray[np.floating], NDArray[np.floating]]] = {}
-"""Parts by the array of the vertices that they are of, and by how many they may be."""
+"""Parts by the array of the vertices that they are of, and by how many they are."""
 
 
 def _kept_parts(
-    vertices: NDArray[np.floating], faces: NDArray[np.unsignedinteger], most: int
+    vertices: NDArray[np.floating], faces: NDArray[np.unsignedinteger], count: int
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """:func:`_parts`, found once for each array of vertices in memory: most objects stay when one is moved."""
-    key = id(vertices), most
+    key = id(vertices), count
     if key not in _kept:
-        _kept[key] = _parts(vertices, faces, most)
+        _kept[key] = _parts(vertices, faces, count)
         finalize(vertices, _kept.pop, key, None)
     return _kept[key]
 
 
 def _parts(
-    vertices: NDArray[np.floating], faces: NDArray[np.unsignedinteger], most: int
+    vertices: NDArray[np.floating], faces: NDArray[np.unsignedinteger], count: int
 ) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Centres and radii of spheres around neighbouring faces of a mesh."""
+    """Centres and radii of ``count`` spheres around neighbouring faces of a mesh."""
     corners = vertices[faces]
     low, high = corners.min(axis=1), corners.max(axis=1)
-    groups = _neighbours(0.5 * (low + high), min(most, -(-len(faces) // FACES)))
+    groups = _neighbours(0.5 * (low + high), count)
     centres = np.array([0.5 * (low[group].min(axis=0) + high[group].max(axis=0)) for group in groups])
     distances = (corners[group].reshape(-1, 3) - centre for group, centre in zip(groups, centres, strict=True))
     return centres, np.array([np.linalg.norm(each, axis=1).max() for each in distances])
 
 
 def _merged(
-    centres: NDArray[np.float64], radii: NDArray[np.float64]
+    centres: NDArray[np.float64], radii: NDArray[np.float64], count: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Spheres around neighbouring spheres."""
-    groups = _neighbours(centres, MOST_PARTS)
+    groups = _neighbours(centres, count)
     low, high = centres - radii[:, None], centres + radii[:, None]
     middle = np.array([0.5 * (low[group].min(axis=0) + high[group].max(axis=0)) for group in groups])
     reaches = (

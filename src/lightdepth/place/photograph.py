@@ -33,19 +33,6 @@ from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.place.unseen_sky import sky_map
 from lightdepth.scene.model import Panorama
 
-DEPTH_TOLERANCE = 0.01
-"""Relative difference of distances up to which the capture point is taken to see a real point."""
-SKY_ROWS = 256
-"""Rows of pixels, at most, from which the sky's mean radiance is taken."""
-BEFORE = 0.9
-"""Times the model's distance; where several photographs are weighted, what was measured nearer is something else."""
-REMOVED_RIM = 2
-"""Pixels of the map around what is removed that count as showing it."""
-OWN_DEPTH = 4.0
-"""Times nearer to the depth of what is removed than to that of what stays there, a point is taken to be removed."""
-CLEARLY_BEFORE = 2.0
-"""Pixels of the map; a surface no farther than this from a real point's plane does not certainly occlude it."""
-
 
 class Photograph(Photographed):
     """A panorama, both as the appearance of the place and as a light: everything that depends on one capture point.
@@ -56,7 +43,7 @@ class Photograph(Photographed):
         infinite: take every depth as infinite: the directional method.
         alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
         gain: of each channel; ``None`` is 1.
-        parameters: how it is feathered, and how unseen sky is guessed.
+        parameters: what it is taken to see, how it is feathered, and how unseen sky is guessed.
 
     Attributes:
         map: its radiance as light.
@@ -73,10 +60,10 @@ class Photograph(Photographed):
         parameters: PlaceParameters = DEFAULT,
     ) -> None:
         self._gain, self._parameters = gain, parameters
-        self.map = MapDistribution(self._scaled(panorama.light_radiance), alone)
+        self.map = MapDistribution(self._scaled(panorama.light_radiance), alone, parameters=parameters)
         self._shown = self.map
         if panorama.unclipped is not None or panorama.plate is not None:
-            self._shown = MapDistribution(self._scaled(panorama.shown_radiance), alone)
+            self._shown = MapDistribution(self._scaled(panorama.shown_radiance), alone, parameters=parameters)
         # The picture gives the albedo, but for what it clipped.
         self._reflecting = self.map if panorama.plate is None else self._shown
         self.surfaces = surfaces
@@ -86,6 +73,7 @@ class Photograph(Photographed):
         self._position = np.asarray(panorama.position, dtype=np.float64)
         self._capture = as_point(panorama.position)
         self._pixel_angle = math.pi / self.map.height
+        self._off_plane = parameters.seen_depth + parameters.off_plane * self._pixel_angle
         self._depth, self._stays = self._depth_maps()
         self._unseen_sky = self._sky_map(panorama)
         self._mirrored: mi.Texture2f | None = None
@@ -140,7 +128,8 @@ class Photograph(Photographed):
         rows = (np.arange(self.map.height) * len(measured)) // self.map.height
         columns = (np.arange(self.map.width) * measured.shape[1]) // self.map.width
         modelled = self._depth.numpy().reshape(self.map.height, self.map.width)
-        return np.asarray(measured[np.ix_(rows, columns)] > BEFORE * modelled) | np.isinf(modelled)
+        before = self._parameters.measured_before * modelled
+        return np.asarray(measured[np.ix_(rows, columns)] > before) | np.isinf(modelled)
 
     def declared(self, panorama: Panorama) -> mi.Texture2f | None:
         """1 where the scene declares the radiance of sources that this panorama clipped; ``None`` where it does not."""
@@ -157,7 +146,7 @@ class Photograph(Photographed):
             alone: as for the class.
         """
         photograph = copy(self)
-        photograph.map = MapDistribution(self._scaled(panorama.light_radiance), alone, importance)
+        photograph.map = MapDistribution(self._scaled(panorama.light_radiance), alone, importance, self._parameters)
         photograph._shown = photograph.map if self._shown is self.map else self._shown
         photograph._reflecting = photograph.map if self._reflecting is self.map else self._reflecting
         return photograph
@@ -233,7 +222,7 @@ class Photograph(Photographed):
         """
         offset = point - mi.Vector3f(self._capture)
         height = dr.dot(normal, offset)
-        allowed = (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * dr.norm(offset)
+        allowed = self._off_plane * dr.norm(offset)
 
         def belongs(direction: mi.Vector3f, index: mi.UInt32) -> mi.Bool:
             depth = dr.gather(mi.Float, self._depth, index)
@@ -379,7 +368,8 @@ class Photograph(Photographed):
         sky = np.isinf(self._depth.numpy()).reshape(self.map.height, self.map.width)
         if sky.all() or not sky.any():
             return None
-        step = max(1, self.map.height // SKY_ROWS)  # Of a large panorama, directions of all pixels would not fit.
+        # Of a large panorama, directions of all pixels would not fit.
+        step = max(1, self.map.height // self._parameters.most_sky_rows)
         row, column = (np.arange(step // 2, size, step) for size in (self.map.height, self.map.width))
         u, v = np.meshgrid((column + 0.5) / self.map.width, (row + 0.5) / self.map.height)
         directions = direction_of_latlong(u, v) @ panorama.rotation.T
@@ -424,8 +414,8 @@ class Photograph(Photographed):
             return mi.Float(depth.reshape(-1)), None
         # The pixels around it show some of it too, but for what stands well before it.
         around = np.where(removed, depth, np.float32(np.inf))
-        around = minimum_filter(around, 2 * REMOVED_RIM + 1, mode=("nearest", "wrap"))
-        mixed = depth > BEFORE * around
+        around = minimum_filter(around, 2 * self._parameters.removed_rim + 1, mode=("nearest", "wrap"))
+        mixed = depth > self._parameters.measured_before * around
         depth[...] = np.where(mixed & ~removed, around, depth)
         stays[~mixed] = 0.0
         return mi.Float(depth.reshape(-1)), mi.Float(stays.reshape(-1))
@@ -449,7 +439,7 @@ class Photograph(Photographed):
         if self._stays is None:
             return mapped
         stays = dr.gather(mi.Float, self._stays, pixel)
-        hidden = (stays > 0.0) & (dr.abs(depth - stays) < OWN_DEPTH * dr.abs(depth - mapped))
+        hidden = (stays > 0.0) & (dr.abs(depth - stays) < self._parameters.removed_depth * dr.abs(depth - mapped))
         return dr.select(hidden, 0.0, mapped)
 
     def _capture_sees(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
@@ -462,7 +452,7 @@ class Photograph(Photographed):
         """
         if self.infinite or not self.surfaces.has_real:
             return mi.Bool(True)
-        tolerance = DEPTH_TOLERANCE + self._pixel_angle / dr.maximum(cosine, 0.05)
+        tolerance = self._parameters.seen_depth + self._pixel_angle / dr.maximum(cosine, self._parameters.grazing)
         both_sky = dr.isinf(mapped) & dr.isinf(depth)
         return both_sky | (dr.abs(depth - mapped) <= tolerance * mapped)
 
@@ -479,7 +469,7 @@ class Photograph(Photographed):
 
     def _on_surface(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Float:
         """Fades from 1 to 0 as points leave the surface that the map shows; 0 where :meth:`_surely_unseen` is true."""
-        allowed = (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * depth
+        allowed = self._off_plane * depth
         off = dr.select(dr.isfinite(mapped), dr.abs(depth - mapped) * cosine / allowed, 2.0)
         t = dr.clip(2.0 - 2.0 * off, 0.0, 1.0)
         return t * t * (3.0 - 2.0 * t)
@@ -490,7 +480,7 @@ class Photograph(Photographed):
         By the distance from the plane, since on slanted surfaces, and between the bumps of a scan, depth alone varies
         within a pixel by any amount. Never true where :meth:`_capture_sees` is; the arguments are the same.
         """
-        return (depth - mapped) * cosine > (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * depth
+        return (depth - mapped) * cosine > self._off_plane * depth
 
 
 def _texture(image: NDArray[np.float32]) -> mi.Texture2f:

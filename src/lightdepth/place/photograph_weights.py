@@ -13,10 +13,10 @@ from functools import reduce
 import drjit as dr
 import mitsuba as mi
 
+from lightdepth.parameters.place import DEFAULT
+
 SAME_DIRECTION = 1e-13
 """Squared angle below which a photograph is taken to have been made from where the point is looked at."""
-SKY = 100.0
-"""Metres to which the sky is brought for comparing directions, so that a nearer capture point counts for more."""
 WRONG_SIDE = 1e-6
 """Where no photograph sees a point, one that looks at it from the other side counts if there is no better one."""
 SMALLEST = 1e-30
@@ -71,6 +71,7 @@ def weigh(
     direction: mi.Vector3f | None = None,
     origin: mi.Point3f | None = None,
     captures: Sequence[mi.Point3f] = (),
+    sky_distance: float = DEFAULT.sky_distance,
 ) -> Weights:
     """Weigh the photographs for points.
 
@@ -82,6 +83,7 @@ def weigh(
         origin: of the camera that sees them, world, metres; the nearer its direction is to a photograph's, the more this
             one counts. ``None``: what they send to surfaces, in which the direction plays no part.
         captures: capture points of the photographs; needed with ``origin``.
+        sky_distance: metres to which the sky is brought for comparing directions.
     """
     sides = [mi.Bool(True) for _ in sightings]
     if direction is not None:
@@ -91,7 +93,8 @@ def weigh(
     quality = texels
     if origin is not None and direction is not None:
         quality = [
-            value * dr.rsqrt(_squared_angle(sighting, finite, direction, origin, capture) + SAME_DIRECTION)
+            value
+            * dr.rsqrt(_squared_angle(sighting, finite, direction, origin, capture, sky_distance) + SAME_DIRECTION)
             for value, sighting, capture in zip(texels, sightings, captures, strict=True)
         ]
     counting = [
@@ -127,9 +130,14 @@ def _shares(quality: Sequence[mi.Float], factor: Sequence[mi.Float]) -> tuple[li
 
 
 def _squared_angle(
-    sighting: Sighting, finite: mi.Bool, direction: mi.Vector3f, origin: mi.Point3f, capture: mi.Point3f
+    sighting: Sighting,
+    finite: mi.Bool,
+    direction: mi.Vector3f,
+    origin: mi.Point3f,
+    capture: mi.Point3f,
+    sky_distance: float,
 ) -> mi.Float:
     """Between the direction of looking and the photograph's own, for small angles; 4 where they are opposite."""
     near = dr.squared_norm(direction - sighting.toward)
-    far = dr.squared_norm(origin - capture) * (1.0 / SKY**2)
+    far = dr.squared_norm(origin - capture) * (1.0 / sky_distance**2)
     return dr.select(finite, near, far)

@@ -182,14 +182,26 @@ class Photographs(Photographed):
     def _looked_at(self, hit: RealHit, ray: mi.Ray3f) -> tuple[list[Sighting], Weights]:
         """What a camera's rays see."""
         sightings = self._sightings(self._point(hit), hit.normal, hit.valid, ray.d, mi.Bool(True))
-        return sightings, weigh(sightings, hit.normal, hit.valid, ray.d, ray.o, self._captures)
+        return sightings, self._weigh(sightings, hit, hit.valid, ray.d, ray.o)
 
     def _of_surface(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> tuple[list[Sighting], Weights]:
         """The same for surfaces that are looked at in a direction."""
         point = mi.Vector3f(self.surfaces.rest_point(hit, active))
         sightings = self._sightings(point, hit.normal, mi.Bool(True), direction, active)
         origin = mi.Point3f(point - direction)
-        return sightings, weigh(sightings, hit.normal, mi.Bool(True), direction, origin, self._captures)
+        return sightings, self._weigh(sightings, hit, mi.Bool(True), direction, origin)
+
+    def _weigh(
+        self,
+        sightings: list[Sighting],
+        hit: RealHit,
+        finite: mi.Bool,
+        direction: mi.Vector3f,
+        origin: mi.Point3f,
+    ) -> Weights:
+        """How much each photograph counts for what is looked at from somewhere."""
+        sky_distance = self._parameters.sky_distance
+        return weigh(sightings, hit.normal, finite, direction, origin, self._captures, sky_distance)
 
     def _at_rest(self, hit: RealHit, active: mi.Bool) -> mi.Color3f:
         """Light of real surfaces by what the photographs show at their rest positions."""

@@ -63,7 +63,7 @@ class Place:
         self.surfaces = surfaces
         self.infinite = infinite
         self.photograph = _photographed(panoramas, surfaces, infinite, alone, gains, parameters)
-        self.suns = tuple(Sun(sun, surfaces) for sun in suns)
+        self.suns = tuple(Sun(sun, surfaces, parameters) for sun in suns)
         self.glosses: tuple[Gloss, ...] = ()
         self.plate: SeenPlate | None = None
         share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.suns), 1))

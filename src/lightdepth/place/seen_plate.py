@@ -15,7 +15,7 @@ from scipy.ndimage import maximum_filter
 from lightdepth.cameras import Viewpoint
 from lightdepth.kernel.arrays import aligned_empty
 from lightdepth.kernel.row_bands import bands
-from lightdepth.place.photograph import CLEARLY_BEFORE, DEPTH_TOLERANCE, REMOVED_RIM
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 
@@ -30,6 +30,7 @@ class SeenPlate:
         surfaces: the real surfaces to trace.
         mirrored: radiance that glossy surfaces mirror toward the camera (eq. 6b), in the unit of the panoramas, over the
             whole picture but with fewer pixels, shape (h, w, 3), float32; ``None`` leaves glossy surfaces to the panoramas.
+        parameters: which points it is taken to show.
 
     Attributes:
         radiance: as given.
@@ -45,12 +46,16 @@ class SeenPlate:
         gain: NDArray[np.float32],
         surfaces: TracedSurfaces,
         mirrored: NDArray[np.float32] | None = None,
+        parameters: PlaceParameters = DEFAULT,
     ) -> None:
         self.radiance, self.view, self.gain = radiance, view, gain
         self.scaled = radiance / gain
         width, height = view.resolution
         padded = aligned_empty((height * width, 4))
-        padded[:, :3], padded[:, 3] = self.scaled.reshape(-1, 3), self._distances(surfaces).reshape(-1)
+        padded[:, :3], padded[:, 3] = (
+            self.scaled.reshape(-1, 3),
+            self._distances(surfaces, parameters.removed_rim).reshape(-1),
+        )
         self._pixels = mi.Float(padded.reshape(-1))
         self._mirrored: mi.Float | None = None
         if mirrored is not None:
@@ -61,9 +66,10 @@ class SeenPlate:
             self._mirrored = mi.Float(finer.reshape(-1))
         self._size = dr.opaque(mi.UInt32, width), dr.opaque(mi.UInt32, height)
         view.project(mi.Point3f(0.0), mi.Point2f(0.5))  # Makes the pose's variables, which must not happen in a loop.
-        self._pixel_angle = float(np.radians(1.0 / view.camera.pixels_per_degree()))
+        pixel_angle = float(np.radians(1.0 / view.camera.pixels_per_degree()))
+        self._off_plane = parameters.seen_depth + parameters.off_plane * pixel_angle
 
-    def _distances(self, surfaces: TracedSurfaces) -> NDArray[np.float32]:
+    def _distances(self, surfaces: TracedSurfaces, rim: int) -> NDArray[np.float32]:
         """From the camera to what the pixels' centres see, metres, inf for sky, shape (height, width).
 
         It is 0 where pixels show what is removed, or lie beside such: they tell nothing of what is behind it.
@@ -78,7 +84,7 @@ class SeenPlate:
             if surfaces.has_removed:
                 removed[band.rows] = (hit.kind == int(FaceKind.REMOVED)).numpy().reshape(band.shape)
         if removed.any():
-            distances[maximum_filter(removed, 2 * REMOVED_RIM + 1)] = 0.0
+            distances[maximum_filter(removed, 2 * rim + 1)] = 0.0
         return distances
 
     def over(
@@ -112,7 +118,7 @@ class SeenPlate:
         height_above = dr.dot(hit.normal, offset)
         # By the distance from the surface's plane: at grazing angles, depth varies within a pixel.
         beside = dr.abs(distance - pixel.w) * dr.abs(height_above) * dr.rcp(dr.maximum(distance, 1e-20))
-        shows = wanted & (pixel.w > 0.0) & (beside <= (DEPTH_TOLERANCE + CLEARLY_BEFORE * self._pixel_angle) * distance)
+        shows = wanted & (pixel.w > 0.0) & (beside <= self._off_plane * distance)
         shows &= height_above * dr.dot(hit.normal, direction) > 0.0
         radiance = dr.select(shows, dr.maximum(mi.Color3f(pixel.x, pixel.y, pixel.z), 0.0), photographed)
         if self._mirrored is None:

@@ -18,19 +18,13 @@ from scipy.ndimage import minimum_filter
 from lightdepth.kernel.arrays import aligned
 from lightdepth.kernel.tracing import first_hit, meets
 from lightdepth.kernel.variables import as_point, as_vectors
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.place.light_list import LightSample
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.lights.frame import sun_axes
 from lightdepth.scene.model import SunLight
-
-RESOLUTION = 1024
-"""Texels of the shadow map along its longer side."""
-DILATION = 5
-"""Texels across the square in which one lit texel counts for all: the map steers sampling, and must miss nothing."""
-DEPTH_TOLERANCE = 0.02
-"""Metres by which a point may lie behind the first surface that the sun meets and still count as lit by the map."""
 
 
 class Sun(RealLight):
@@ -39,9 +33,10 @@ class Sun(RealLight):
     Args:
         settings: its direction, size and strength.
         surfaces: the real surfaces; those that are not openings block it.
+        parameters: how finely its shadow map steers sampling.
     """
 
-    def __init__(self, settings: SunLight, surfaces: TracedSurfaces) -> None:
+    def __init__(self, settings: SunLight, surfaces: TracedSurfaces, parameters: PlaceParameters = DEFAULT) -> None:
         self.surfaces = surfaces
         right, up = sun_axes(settings.direction)
         self._axes = [as_point(axis) for axis in (right, up, settings.direction)]
@@ -56,7 +51,7 @@ class Sun(RealLight):
             image = settings.mask[..., None] if settings.mask.ndim == 2 else settings.mask
             self._mask = mi.Texture2f(mi.TensorXf(np.ascontiguousarray(image, np.float32)), wrap_mode=dr.WrapMode.Clamp)
             self._mask_extent = dr.opaque(mi.Vector4f, settings.mask_extent)
-        self._shadow_map = _ShadowMap(settings.direction, surfaces) if surfaces.has_real else None
+        self._shadow_map = _ShadowMap(settings.direction, surfaces, parameters) if surfaces.has_real else None
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Sun:
         """The same sun, blocked by other meshes of the same surfaces."""
@@ -145,15 +140,16 @@ class _ShadowMap:
     Args:
         direction: toward the sun, unit, world, shape (3,).
         surfaces: the real surfaces.
+        parameters: its fineness and its tolerances.
     """
 
-    def __init__(self, direction: NDArray[np.float64], surfaces: TracedSurfaces) -> None:
+    def __init__(self, direction: NDArray[np.float64], surfaces: TracedSurfaces, parameters: PlaceParameters) -> None:
         right, up = sun_axes(direction)
         box = surfaces.real.bbox()
         corners = np.array([np.asarray(box.corner(i)).reshape(3) for i in range(8)], np.float64)
         across = np.stack([corners @ right, corners @ up], axis=1)
         low, high = across.min(axis=0), across.max(axis=0)
-        cell = max(float((high - low).max()) / RESOLUTION, 1e-6)
+        cell = max(float((high - low).max()) / parameters.sun_map_texels, 1e-6)
         columns, rows = (int(n) for n in np.maximum(np.ceil((high - low) / cell), 1))
         s, t = np.meshgrid(low[0] + (np.arange(columns) + 0.5) * cell, low[1] + (np.arange(rows) + 0.5) * cell)
         top = float((corners @ direction).max()) + 1.0
@@ -162,7 +158,8 @@ class _ShadowMap:
         ray = mi.Ray3f(origin, mi.Vector3f(*(-direction).tolist()))
         found = first_hit(surfaces.kept_blockers, ray, coherent=True)
         reached = np.where(found.is_valid().numpy(), top - found.t.numpy(), -np.inf).reshape(rows, columns)
-        lowest = minimum_filter(reached, size=DILATION, mode="nearest")
+        lowest = minimum_filter(reached, size=parameters.sun_map_lit, mode="nearest")
+        self._tolerance = parameters.sun_map_tolerance
         self._heights = mi.Float(aligned(lowest.astype(np.float32)))
         self._axes = [as_point(axis) for axis in (right, up, direction)]
         self._low = dr.opaque(mi.Vector2f, low.tolist())
@@ -175,4 +172,4 @@ class _ShadowMap:
         column, row = (mi.Int32(dr.floor((at - low) * self._scale)) for at, low in ((s, self._low.x), (t, self._low.y)))
         inside = (column >= 0) & (row >= 0) & (column < mi.Int32(self._columns)) & (row < mi.Int32(self._rows))
         index = mi.UInt32(dr.maximum(row, 0)) * self._columns + mi.UInt32(dr.maximum(column, 0))
-        return ~inside | (height >= dr.gather(mi.Float, self._heights, index, inside) - DEPTH_TOLERANCE)
+        return ~inside | (height >= dr.gather(mi.Float, self._heights, index, inside) - self._tolerance)

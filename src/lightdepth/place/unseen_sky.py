@@ -12,9 +12,6 @@ from numpy.typing import NDArray
 from lightdepth.directions import direction_to_latlong, pixel_directions
 from lightdepth.parameters.place import DEFAULT, PlaceParameters
 
-ROWS = 36
-"""Of the map; its cells are 5 degrees wide."""
-
 
 def sky_map(
     radiance: NDArray[np.float32],
@@ -33,31 +30,31 @@ def sky_map(
         tuned: how it is interpolated.
 
     Returns:
-        Linear RGB, shape (``ROWS``, 2 ``ROWS``, 3), float32, an equirectangular map in world directions; ``None`` where
-        hardly any sky is seen.
+        Linear RGB, shape (``sky_map_rows``, 2 ``sky_map_rows``, 3), float32, an equirectangular map in world directions;
+        ``None`` where hardly any sky is seen.
     """
     colours, toward = radiance[sky].astype(np.float64), directions[sky]
     if len(colours) < tuned.fewest_sky_pixels:
         return None
-    height, columns = radiance.shape[0], 2 * ROWS
+    height, rows, columns = radiance.shape[0], tuned.sky_map_rows, 2 * tuned.sky_map_rows
     angle = np.broadcast_to(np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None], sky.shape)[sky]
     u, v = direction_to_latlong(toward)
-    cell = np.minimum((v * ROWS).astype(int), ROWS - 1) * columns + np.minimum((u * columns).astype(int), columns - 1)
-    axes = pixel_directions(ROWS, columns).reshape(-1, 3)
+    cell = np.minimum((v * rows).astype(int), rows - 1) * columns + np.minimum((u * columns).astype(int), columns - 1)
+    axes = pixel_directions(rows, columns).reshape(-1, 3)
     seen, place = np.unique(cell, return_inverse=True)
     colours = np.minimum(colours, tuned.sky_brightest * _medians(place, colours, axes[seen], tuned.sky_near)[place])
     weight = np.bincount(place, angle)
     mean = np.stack([np.bincount(place, angle * channel) for channel in colours.T], axis=1) / weight[:, None]
     above = np.degrees(np.arcsin(np.clip(axes[:, 2], -1.0, 1.0)))
-    result = np.empty((ROWS * columns, 3))
-    for row in range(ROWS):  # All pairs at once would take much memory.
+    result = np.empty((rows * columns, 3))
+    for row in range(rows):  # All pairs at once would take much memory.
         part = slice(row * columns, (row + 1) * columns)
         around = np.degrees(np.arccos(np.clip(axes[part] @ axes[seen].T, -1.0, 1.0)))
         higher = above[row * columns] - above[seen]
         squared = around**2 + ((tuned.sky_elevation_weight**2 - 1.0) * higher**2 + tuned.sky_nearest**2)
         share = weight / (squared * squared * squared)  # The nearest counts most.
         result[part] = share @ mean / share.sum(axis=1, keepdims=True)
-    return np.asarray(result.reshape(ROWS, columns, 3), dtype=np.float32)
+    return np.asarray(result.reshape(rows, columns, 3), dtype=np.float32)
 
 
 def _medians(

@@ -47,7 +47,8 @@ def prepare_objects(scene: Scene) -> PreparedObjects:
     removed, around = removed_shape(scene)
     outline = None
     if spheres or around:
-        outline = ObjectOutline([*shapes.parts, *((sphere, None) for sphere in around)], shapes.around_instances)
+        parts = [*shapes.parts, *((sphere, None) for sphere in around)]
+        outline = ObjectOutline(parts, shapes.around_instances, tuned)
     return PreparedObjects(shapes, _bounds([*spheres, *around], tuned), _bounds(polished, tuned), outline, removed)
 
 

@@ -35,8 +35,22 @@ from lightdepth.work import work
 
 KEPT = 2
 """Prepared places that a process keeps."""
-CODE = ("kernel", "lighting", "lightmap", "parameters", "place", "preparation", "recovery", "scene/meshes")
-"""Folders whose code decides what is recovered: a place that other code recovered is not the same."""
+CODE = (
+    "cameras",
+    "directions.py",
+    "images",
+    "kernel",
+    "lighting",
+    "lightmap",
+    "parameters",
+    "place",
+    "preparation",
+    "quantities.py",
+    "recovery",
+    "regions.py",
+    "scene",
+)
+"""Folders and files whose code decides what is recovered: a place that other code recovered is not the same."""
 ERROR_FIELDS = fields(IrradianceErrors)
 
 
@@ -86,7 +100,7 @@ def prepare_place(
     # What is deformed took its colour, and the light that goes with it, where it was when it was photographed.
     photographed = replace(modelled, vertices=modelled.rest)
     traced = TracedSurfaces(photographed)
-    balance = solve_gains(scene.panoramas, traced, scene.render.parameters.balance)
+    balance = solve_gains(scene.panoramas, traced, scene.render.parameters.balance, scene.render.parameters.place)
     if balance.problem is not None:
         raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
     suns = masked_suns(scene)
@@ -189,7 +203,9 @@ def _key(scene: Scene, infinite: bool, parameters: RecoveryParameters) -> str:
 def _code() -> str:
     """Digest of the version and of the code that recovers places: changed code must not get what the old one recovered."""
     root, state = Path(__file__).parents[1], hashlib.sha256(metadata.version("lightdepth").encode())
-    for file in sorted(file for folder in CODE for file in (root / folder).rglob("*.py")):
+    for file in sorted(
+        file for name in CODE for file in [*root.glob(name), *root.glob(f"{name}/**/*.py")] if file.is_file()
+    ):
         state.update(f"{file.relative_to(root)};".encode() + file.read_bytes())
     return state.hexdigest()
 

@@ -43,7 +43,7 @@ def with_plate(place: Place, scene: Scene, prepared: PreparedPlace) -> Place:
         else:
             gain = np.asarray(plate.gain, np.float32)
         mirrored = plate_mirrored(prepared.place, view, parameters=tuned.recovery)
-        kept[key] = SeenPlate(plate.radiance, view, gain, prepared.place.surfaces, mirrored)
+        kept[key] = SeenPlate(plate.radiance, view, gain, prepared.place.surfaces, mirrored, prepared.place.parameters)
         while len(kept) > KEPT:
             kept.pop(next(iter(kept)))
     return place.with_plate(kept[key])

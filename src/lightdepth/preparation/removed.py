@@ -13,13 +13,10 @@ from numpy.typing import NDArray
 
 from lightdepth.kernel.loading import load
 from lightdepth.kernel.shapes import mesh_shape
+from lightdepth.parameters.place import PlaceParameters
 from lightdepth.place.object_bounds import Sphere
-from lightdepth.place.photograph import REMOVED_RIM
 from lightdepth.scene.meshes.geometry import face_normals, merged
 from lightdepth.scene.model import Mesh, Panorama, Scene
-
-LEAST_SLANT = 0.4
-"""Cosine between a vertex's normal and its faces, below which it is not moved farther: it stands at a tip."""
 
 
 def removed_shape(scene: Scene) -> tuple[mi.Shape | None, list[Sphere]]:
@@ -34,14 +31,15 @@ def removed_shape(scene: Scene) -> tuple[mi.Shape | None, list[Sphere]]:
     removed = [surface.mesh for surface in scene.real if surface.removed]
     if not removed:
         return None, []
-    larger, spheres = [_larger(mesh, scene.panoramas) for mesh in removed], []
+    tuned = scene.render.parameters.place
+    larger, spheres = [_larger(mesh, scene.panoramas, tuned) for mesh in removed], []
     for mesh in larger:
         centre = 0.5 * (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)).astype(np.float64)
         spheres.append((centre, float(np.linalg.norm(mesh.vertices - centre, axis=1).max())))
     return mesh_shape(merged([*removed, *larger]), load({"type": "null"})), spheres
 
 
-def _larger(mesh: Mesh, panoramas: Sequence[Panorama]) -> Mesh:
+def _larger(mesh: Mesh, panoramas: Sequence[Panorama], tuned: PlaceParameters) -> Mesh:
     """A mesh whose vertices are moved outward by the panoramas' pixels that show its edge."""
     corners, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
     faces = index.reshape(-1)[mesh.faces]
@@ -56,14 +54,14 @@ def _larger(mesh: Mesh, panoramas: Sequence[Panorama]) -> Mesh:
         np.add.at(slants, corner, np.einsum("ij,ij->i", outward[corner], normals))
         np.add.at(counts, corner, 1.0)
     # So far that the faces, and not the edges between them, are moved by the rim.
-    length = _rim(corners, panoramas) / np.maximum(slants / np.maximum(counts, 1.0), LEAST_SLANT)
+    length = _rim(corners, panoramas, tuned) / np.maximum(slants / np.maximum(counts, 1.0), tuned.removed_slant)
     return Mesh((corners + length[:, None] * outward).astype(np.float32), faces.astype(np.int32))
 
 
-def _rim(points: NDArray[np.floating], panoramas: Sequence[Panorama]) -> NDArray[np.float64]:
+def _rim(points: NDArray[np.floating], panoramas: Sequence[Panorama], tuned: PlaceParameters) -> NDArray[np.float64]:
     """Metres that the rim of pixels around what is removed covers at points, in the panorama that shows most of it."""
     rims = [
-        (REMOVED_RIM + 0.5) * np.pi / len(each.radiance) * np.linalg.norm(points - each.position, axis=1)
+        (tuned.removed_rim + 0.5) * np.pi / len(each.radiance) * np.linalg.norm(points - each.position, axis=1)
         for each in panoramas
     ]
     return np.asarray(np.max(rims, axis=0), np.float64)

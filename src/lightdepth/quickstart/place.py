@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
+from lightdepth.parameters.reconstruction import DEFAULT as RECONSTRUCTION
+from lightdepth.parameters.reconstruction import BoxParameters
 from lightdepth.quickstart.kind import is_open, open_sky_evidence
 from lightdepth.quickstart.pose import GuessedPose
 from lightdepth.reconstruction.layout import ground, room
@@ -41,7 +43,11 @@ class GuessedPlace:
 
 
 def guess_place(
-    radiance: NDArray[np.float32], pose: GuessedPose, kind: Kind | None = None, tuned: QuickstartParameters = DEFAULT
+    radiance: NDArray[np.float32],
+    pose: GuessedPose,
+    kind: Kind | None = None,
+    tuned: QuickstartParameters = DEFAULT,
+    boxes: BoxParameters = RECONSTRUCTION.box,
 ) -> GuessedPlace:
     """Guess the surfaces of the place; the floor is at height 0.
 
@@ -50,6 +56,7 @@ def guess_place(
         pose: of the panorama.
         kind: what the user says it is; ``None`` finds out.
         tuned: how it is guessed.
+        boxes: how a box is fitted to a room's edges.
     """
     if kind is None and is_open(radiance, pose.rotation, pose.frame is not None, tuned):
         kind = "ground"
@@ -58,7 +65,7 @@ def guess_place(
     if pose.frame is None or kind == "dome":
         why = "as asked for" if kind == "dome" else "guess: no room's edges were found to fit a box to"
         return _dome(pose, why, tuned)
-    box = fit_room_box(radiance, pose.frame, pose.height)
+    box = fit_room_box(radiance, pose.frame, pose.height, boxes)
     if kind is None and not box.is_likely:
         return _dome(
             pose, f"guess: no box fits the place's edges (only {100 * box.evidence:.0f} % of them are seen)", tuned

@@ -11,6 +11,8 @@ from lightdepth.calibration.room_frame import RoomFrame, find_room_frame
 from lightdepth.directions import FloatArray, rotation_to_euler
 from lightdepth.errors import InputError
 from lightdepth.images.panorama_image import PanoramaImage
+from lightdepth.parameters.calibration import DEFAULT as CALIBRATION
+from lightdepth.parameters.calibration import CalibrationParameters
 from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
 
 
@@ -40,7 +42,10 @@ class GuessedPose:
 
 
 def guess_pose(
-    image: PanoramaImage, camera_height: float | None = None, tuned: QuickstartParameters = DEFAULT
+    image: PanoramaImage,
+    camera_height: float | None = None,
+    tuned: QuickstartParameters = DEFAULT,
+    edges: CalibrationParameters = CALIBRATION,
 ) -> GuessedPose:
     """Find or guess a panorama's pose; the world's origin is on the floor under the camera.
 
@@ -48,6 +53,7 @@ def guess_pose(
         image: the panorama, its radiance finite and not negative.
         camera_height: of the lens above the floor, metres, where it is known.
         tuned: how it is guessed.
+        edges: how straight edges and a room's directions are found.
     """
     height = tuned.camera_height if camera_height is None else camera_height
     height_words = (
@@ -57,7 +63,7 @@ def guess_pose(
     )
     frame: RoomFrame | None = None
     try:
-        frame = find_room_frame(detect_arcs(image.radiance))
+        frame = find_room_frame(detect_arcs(image.radiance, tuned=edges), tuned=edges)
         doubt = f"straight edges give no sure level (confidence {frame.confidence:.2f} of 1)"
     except InputError:
         doubt = "there are too few straight edges to find the level"

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lightdepth.directions import pixel_directions
 from lightdepth.images.tonemapping import auto_exposure, tone_map
 from lightdepth.kernel.raycasting import Hits
+from lightdepth.parameters.reconstruction import DEFAULT, ReviewParameters
 from lightdepth.reconstruction.coverage import view
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.model import RealSurface, Role
@@ -21,15 +22,14 @@ SUPPORT = np.array([60.0, 220.0, 90.0])
 ENVIRONMENT = np.array([255.0, 170.0, 50.0])
 SHELL = np.array([230.0, 70.0, 220.0])
 NOTHING = np.array([70.0, 130.0, 255.0])
-SHARPEST_BEND = 30.0
-"""Degrees between normals a few pixels apart from which an edge is drawn."""
-SHORTEST_EDGE = 0.05
-"""Of the picture's height; shorter ones are not drawn."""
-JUMP = 0.04
-"""Share by which the reciprocal distance a few pixels on differs from the plane's, from which an edge is drawn."""
 
 
-def draw_check_picture(radiance: NDArray[np.float32] | None, surfaces: Sequence[RealSurface], pose: Pose) -> Picture:
+def draw_check_picture(
+    radiance: NDArray[np.float32] | None,
+    surfaces: Sequence[RealSurface],
+    pose: Pose,
+    tuned: ReviewParameters = DEFAULT.review,
+) -> Picture:
     """Draw what the capture point sees of the surfaces over the panorama.
 
     Support is tinted green, the shell violet, sky and holes blue; edges are lines, green around support and orange
@@ -39,6 +39,7 @@ def draw_check_picture(radiance: NDArray[np.float32] | None, surfaces: Sequence[
         radiance: the panorama, linear RGB, shape (height, 2 height, 3); without it the surfaces are shaded grey.
         surfaces: world, metres.
         pose: of the panorama.
+        tuned: which edges are drawn.
 
     Returns:
         sRGB, shape (h, 2 h, 3), between 512 and 2048 pixels wide.
@@ -47,7 +48,7 @@ def draw_check_picture(radiance: NDArray[np.float32] | None, surfaces: Sequence[
     height = width // 2
     hits = view(surfaces, pose, 2 * height)  # Two rays across a pixel make smooth lines.
     surface = hits.mesh.reshape(2 * height, 2 * width)
-    edge = _edges(hits, pose, surface)
+    edge = _edges(hits, pose, surface, tuned)
     if radiance is None:
         shade = np.abs(
             np.einsum("ij,ij->i", hits.normal, pose.to_world(pixel_directions(2 * height, 2 * width).reshape(-1, 3)))
@@ -83,13 +84,14 @@ def _tint(surface: RealSurface) -> float:
     return 0.35 if surface.name == "shell" else 0.22 if surface.role is Role.SUPPORT else 0.0
 
 
-def _edges(hits: Hits, pose: Pose, surface: NDArray[np.int32]) -> NDArray[np.bool_]:
+def _edges(hits: Hits, pose: Pose, surface: NDArray[np.int32], tuned: ReviewParameters) -> NDArray[np.bool_]:
     """Pixels where another surface begins, the same one bends, or its distance jumps, within a few pixels.
 
     These few make lines that can be seen, and find corners that a reconstruction has rounded.
     """
     height, width = surface.shape
     few = 2 + height // 512
+    sharpest = np.cos(np.radians(tuned.sharpest_bend))
     directions = pose.to_world(pixel_directions(height, width))
     normal = hits.normal.reshape(height, width, 3).astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -99,10 +101,10 @@ def _edges(hits: Hits, pose: Pose, surface: NDArray[np.int32]) -> NDArray[np.boo
         edge = np.zeros(surface.shape, dtype=bool)
         for axis in (0, 1):
             following = np.roll(surface, -few, axis)
-            bend = np.einsum("ijk,ijk->ij", normal, np.roll(normal, -few, axis)) < np.cos(np.radians(SHARPEST_BEND))
+            bend = np.einsum("ijk,ijk->ij", normal, np.roll(normal, -few, axis)) < sharpest
             predicted = np.einsum("ijk,ijk->ij", slope, np.roll(directions, -few, axis))
             there = np.roll(reciprocal, -few, axis)
-            jump = np.abs(there - predicted) > JUMP * np.maximum(there, reciprocal)
+            jump = np.abs(there - predicted) > tuned.jump * np.maximum(there, reciprocal)
             found = (surface != following) | ((surface >= 0) & (bend | jump))
             if axis == 0:
                 found[-few:] = False
@@ -110,7 +112,7 @@ def _edges(hits: Hits, pose: Pose, surface: NDArray[np.int32]) -> NDArray[np.boo
     # Roughness gives scattered pixels, edges give lines.
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(edge.astype(np.uint8), connectivity=8)
     length = np.maximum(boxes[:, cv2.CC_STAT_WIDTH], boxes[:, cv2.CC_STAT_HEIGHT])
-    return edge & (length >= SHORTEST_EDGE * height)[labels]
+    return edge & (length >= tuned.shortest_edge * height)[labels]
 
 
 def _halved(image: NDArray[np.float64]) -> NDArray[np.float64]:

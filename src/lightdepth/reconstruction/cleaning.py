@@ -10,15 +10,11 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from lightdepth.parameters.reconstruction import DEFAULT, PointParameters
 from lightdepth.reconstruction.point_cloud import PointCloud
 
 FloatArray = NDArray[np.float64]
 
-OUTLIER_NEIGHBOURS = 8
-OUTLIER_FACTOR = 3.0
-SMALLEST_CLUMP = 30
-STRAY_FACTOR = 8.0
-SMOOTHING_NEIGHBOURS = 32
 CHUNK = 50_000
 
 
@@ -36,28 +32,35 @@ def thinned(cloud: PointCloud, cell: float) -> PointCloud:
     return PointCloud(mean(cloud.points), None if cloud.toward_air is None else mean(cloud.toward_air))
 
 
-def without_outliers(cloud: PointCloud) -> PointCloud:
+def without_outliers(cloud: PointCloud, tuned: PointParameters = DEFAULT.points) -> PointCloud:
     """Drop points that are much farther from their neighbours than these are from theirs, stray ones and small clumps.
 
     The comparison is local (after Breunig and others, LOF: Identifying Density-Based Local Outliers, 2000), for a
     scan is dense near the scanner and sparse far from it.
+
+    Args:
+        cloud: of even density.
+        tuned: what an outlier is.
     """
     count = len(cloud.points)
-    distances, neighbours = KDTree(cloud.points).query(cloud.points, k=OUTLIER_NEIGHBOURS + 1)
+    distances, neighbours = KDTree(cloud.points).query(cloud.points, k=tuned.outlier_neighbours + 1)
     distances, neighbours = distances[:, 1:], neighbours[:, 1:]
     reach = distances.mean(axis=1)
     usual = np.median(reach[neighbours], axis=1)
-    near = distances <= OUTLIER_FACTOR * np.minimum(usual[:, None], usual[neighbours])
-    starts = np.repeat(np.arange(count), OUTLIER_NEIGHBOURS)[near.ravel()]
+    near = distances <= tuned.outlier_factor * np.minimum(usual[:, None], usual[neighbours])
+    starts = np.repeat(np.arange(count), tuned.outlier_neighbours)[near.ravel()]
     joined = coo_array((np.ones(len(starts)), (starts, neighbours.ravel()[near.ravel()])), shape=(count, count))
     clump = connected_components(joined, directed=False)[1]
-    large = np.bincount(clump)[clump] >= SMALLEST_CLUMP
-    stray = reach > STRAY_FACTOR * np.median(reach)  # Among its like, a stray point is unremarkable.
-    return cloud.chosen((reach <= OUTLIER_FACTOR * usual) & large & ~stray)
+    large = np.bincount(clump)[clump] >= tuned.smallest_clump
+    stray = reach > tuned.stray_factor * np.median(reach)  # Among its like, a stray point is unremarkable.
+    return cloud.chosen((reach <= tuned.outlier_factor * usual) & large & ~stray)
 
 
 def smoothed(
-    cloud: PointCloud, capture_point: FloatArray, progress: Callable[[float], None] = lambda share: None
+    cloud: PointCloud,
+    capture_point: FloatArray,
+    progress: Callable[[float], None] = lambda share: None,
+    tuned: PointParameters = DEFAULT.points,
 ) -> tuple[FloatArray, FloatArray]:
     """Project every point onto the plane through its neighbours: scanner noise goes, edges stay within a few points.
 
@@ -68,6 +71,7 @@ def smoothed(
         cloud: even and without outliers.
         capture_point: what the surfaces face where the cloud has no normals, world, metres, shape (3,).
         progress: called with the share that is done.
+        tuned: how many neighbours count.
 
     Returns:
         The points, and unit normals into the open, each of shape (n, 3), float64.
@@ -77,7 +81,7 @@ def smoothed(
     smooth, normals = np.empty_like(points), np.empty_like(points)
     for start in range(0, len(points), CHUNK):
         here = slice(start, start + CHUNK)
-        distances, indices = tree.query(points[here], k=min(SMOOTHING_NEIGHBOURS, len(points)))
+        distances, indices = tree.query(points[here], k=min(tuned.smoothing_neighbours, len(points)))
         around = points[indices]
         nearness = np.exp(-2.0 * (distances / distances[:, -1:]) ** 2)
         weights = nearness

@@ -13,11 +13,10 @@ from scipy import ndimage
 
 from lightdepth.directions import pixel_directions, pixel_solid_angles
 from lightdepth.kernel.raycasting import Hits, RayCaster
+from lightdepth.parameters.reconstruction import DEFAULT, ReviewParameters
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.regions import connected_regions
 from lightdepth.scene.model import Mesh, RealSurface, Role
-
-HEIGHT = 512
 
 
 @dataclass(frozen=True)
@@ -51,25 +50,32 @@ def view(surfaces: Sequence[RealSurface], pose: Pose, height: int) -> Hits:
     return RayCaster([surface.mesh for surface in surfaces]).cast(pose.position, directions)
 
 
-def measure_coverage(surfaces: Sequence[RealSurface], pose: Pose, sky: NDArray[np.bool_] | bool = False) -> Coverage:
+def measure_coverage(
+    surfaces: Sequence[RealSurface],
+    pose: Pose,
+    sky: NDArray[np.bool_] | bool = False,
+    tuned: ReviewParameters = DEFAULT.review,
+) -> Coverage:
     """Cast a ray in every direction.
 
     Args:
         surfaces: of the place.
         pose: of the panorama.
         sky: what is declared sky: a mask of shape (height, 2 height), everything that meets nothing, or nothing.
+        tuned: how many rays are cast.
     """
-    missed = ~np.isfinite(view(surfaces, pose, HEIGHT).distance).reshape(HEIGHT, 2 * HEIGHT)
+    height = tuned.coverage_rows
+    missed = ~np.isfinite(view(surfaces, pose, height).distance).reshape(height, 2 * height)
     if isinstance(sky, np.ndarray):
-        rows = (np.arange(HEIGHT) * len(sky)) // HEIGHT
-        columns = (np.arange(2 * HEIGHT) * sky.shape[1]) // (2 * HEIGHT)
+        rows = (np.arange(height) * len(sky)) // height
+        columns = (np.arange(2 * height) * sky.shape[1]) // (2 * height)
         # The cut between a surface and the sky belongs to the sky.
-        margin = 1 + -(-HEIGHT // len(sky))
+        margin = 1 + -(-height // len(sky))
         wrapped = np.pad(sky[np.ix_(rows, columns)], ((0, 0), (margin, margin)), mode="wrap")
         declared = ndimage.binary_dilation(wrapped, np.ones((3, 3)), iterations=margin)[:, margin:-margin]
     else:
         declared = np.full(missed.shape, sky)
-    weights = np.repeat(pixel_solid_angles(HEIGHT, 2 * HEIGHT)[:, None], 2 * HEIGHT, axis=1) / (4.0 * np.pi)
+    weights = np.repeat(pixel_solid_angles(height, 2 * height)[:, None], 2 * height, axis=1) / (4.0 * np.pi)
     gaps = missed & ~declared
     hit, beyond = float(weights[~missed].sum()), float(weights[missed & declared].sum())
     if not gaps.any():
@@ -77,22 +83,24 @@ def measure_coverage(surfaces: Sequence[RealSurface], pose: Pose, sky: NDArray[n
     regions, count = connected_regions(gaps)
     shares = ndimage.sum_labels(weights, regions, np.arange(1, count + 1))
     largest = regions == 1 + int(np.argmax(shares))
-    middle = np.einsum("ij,ijk->k", weights * largest, pixel_directions(HEIGHT, 2 * HEIGHT))
+    middle = np.einsum("ij,ijk->k", weights * largest, pixel_directions(height, 2 * height))
     right, up = np.degrees(np.arctan2(middle[0], middle[1])), np.degrees(np.arctan2(middle[2], np.hypot(*middle[:2])))
     return Coverage(hit, beyond, float(weights[gaps].sum()), (float(right), float(up)), float(shares.max()))
 
 
-def enclosing_shell(surfaces: Sequence[RealSurface], pose: Pose, margin: float = 0.02) -> RealSurface:
+def enclosing_shell(
+    surfaces: Sequence[RealSurface], pose: Pose, tuned: ReviewParameters = DEFAULT.review
+) -> RealSurface:
     """A box around everything, faces inward, that closes what the surfaces leave open.
 
     Args:
         surfaces: of the place.
         pose: of the panorama; the capture point is inside as well.
-        margin: between the outermost surface and the box, metres; at least a hundredth of the box.
+        tuned: how far outside of them it is.
     """
     points = np.concatenate([pose.position[None], *(surface.mesh.vertices for surface in surfaces)])
     low, high = points.min(axis=0), points.max(axis=0)
-    room = max(margin, 0.01 * float((high - low).max()))
+    room = max(tuned.shell_margin, tuned.shell_share * float((high - low).max()))
     box = trimesh.creation.box(bounds=[low - room, high + room])
     mesh = Mesh(np.asarray(box.vertices, dtype=np.float32), np.asarray(box.faces[:, ::-1], dtype=np.int32))
     return RealSurface("shell", mesh, Role.ENVIRONMENT)

@@ -14,24 +14,10 @@ from scipy.sparse.linalg import spsolve
 from lightdepth.directions import pixel_solid_angles
 from lightdepth.errors import InputError, warn
 from lightdepth.images.distances import Kind, along_rays, check_kind, read_distances, warn_of_sky, warn_of_unit
+from lightdepth.parameters.reconstruction import DEFAULT, DepthParameters
 from lightdepth.regions import connected_regions
 
 FloatArray = NDArray[np.float64]
-
-LARGEST_HOLE = np.radians(60.0)
-"""Half-angle of a hole that is closed by going on with the surfaces around it; larger ones are closed flatly."""
-
-
-MUCH = 0.05
-"""Share of all directions from which on it is reported that they were not measured."""
-
-FILTER_WIDTH = 9
-"""Pixels."""
-FILTER_RANGE = 4.0
-"""Standard deviations of the noise."""
-NOISE_LEVELS = 12
-NEGLIGIBLE_NOISE = 2e-5
-"""Of the reciprocal distance, as a share; below it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +43,7 @@ def read_depth_image(
     kind: Kind | None = None,
     sky_beyond: float | None = None,
     channel: str | None = None,
+    tuned: DepthParameters = DEFAULT.depth,
 ) -> DepthImage:
     """Read an equirectangular depth image.
 
@@ -69,6 +56,7 @@ def read_depth_image(
         kind: what the file holds; ``None`` is distances along the rays, if they look like such.
         sky_beyond: metres from which on a distance is sky.
         channel: of an OpenEXR file, where it is not found by itself.
+        tuned: how much may be missing without a warning.
 
     Raises:
         InputError: the file is missing, unreadable, of another format or shape, holds whole numbers and is given without
@@ -101,7 +89,7 @@ def read_depth_image(
         warn_of_unit(path, depth)
     unmeasured = np.isnan(depth)
     share = float((unmeasured.mean(axis=1) * pixel_solid_angles(*depth.shape)).sum() * depth.shape[1] / (4.0 * np.pi))
-    if share > MUCH:
+    if share > tuned.much_missing:
         warn(
             f"{path}: {100.0 * share:.0f} % of all directions were not measured (0, negative, or no number) and are "
             "closed by going on with the surfaces around them; if that is the sky, give --sky"
@@ -121,46 +109,55 @@ def reduced(image: DepthImage, max_width: int) -> DepthImage:
     return DepthImage(np.take_along_axis(blocks, np.maximum(measured - 1, 0) // 2, axis=-1)[:, :, 0])
 
 
-def fill_missing(image: DepthImage) -> FloatArray:
+def fill_missing(image: DepthImage, tuned: DepthParameters = DEFAULT.depth) -> FloatArray:
     """Close what was not measured by going on with the surfaces around it.
+
+    Args:
+        image: the measured distances.
+        tuned: how they are continued.
 
     Returns:
         Distances, shape (height, 2 height), float64: finite and positive, or inf for sky.
     """
     missing = image.missing
     reciprocal = np.divide(1.0, image.depth, out=np.zeros_like(image.depth), where=~missing)
-    filled = continued(reciprocal, missing, ~missing)
+    filled = continued(reciprocal, missing, ~missing, tuned)
     return np.divide(1.0, filled, out=np.full_like(filled, np.inf), where=filled > 0.0)
 
 
-def denoised(image: DepthImage) -> DepthImage:
+def denoised(image: DepthImage, tuned: DepthParameters = DEFAULT.depth) -> DepthImage:
     """The image without the measurement's noise, as far as neighbouring pixels separate it from shape.
 
     A bilateral filter (Tomasi and Manduchi, 1998) on the reciprocal distance, which leaves planes and jumps as they
     are. Its range follows the noise at each distance; an exact image is not changed.
+
+    Args:
+        image: the measured distances.
+        tuned: how wide the filter is.
     """
-    reciprocal = 1.0 / fill_missing(image)
+    reciprocal = 1.0 / fill_missing(image, tuned)
     seen = reciprocal > 0.0
-    levels, noise = _noise(reciprocal, seen & ~image.missing)
-    if len(levels) < 2 or np.median(noise / levels) < NEGLIGIBLE_NOISE:
+    levels, noise = _noise(reciprocal, seen & ~image.missing, tuned)
+    if len(levels) < 2 or np.median(noise / levels) < tuned.negligible_noise:
         return image
     # On the scale s with ds = dq / noise(q) the noise is 1 everywhere.
     scale = np.concatenate([[0.0], np.cumsum(np.diff(levels) * 0.5 * (1.0 / noise[1:] + 1.0 / noise[:-1]))])
     levels = np.concatenate([[levels[0] - 1e3 * noise[0]], levels, [levels[-1] + 1e3 * noise[-1]]])
     scale = np.concatenate([[scale[0] - 1e3], scale, [scale[-1] + 1e3]])
-    smooth = np.interp(_bilateral(np.interp(reciprocal, levels, scale)), scale, levels)
+    smooth = np.interp(_bilateral(np.interp(reciprocal, levels, scale), tuned), scale, levels)
     kept = ~seen | (reciprocal < levels[0]) | (reciprocal > levels[-1])
     return DepthImage(np.where(kept | image.missing, image.depth, 1.0 / smooth))
 
 
-def _bilateral(image: FloatArray) -> FloatArray:
+def _bilateral(image: FloatArray, tuned: DepthParameters) -> FloatArray:
     """Bilateral filter of a panorama whose noise has a standard deviation of 1.
 
     Toward the poles, where columns are narrower than rows are high, it works on means of 2, 4, 8 ... columns, so that
     it is about as wide as high everywhere.
     """
     height, width = image.shape
-    half = FILTER_WIDTH // 2
+    across = tuned.filter_width
+    half = across // 2
     narrowness = np.sin(np.pi * (np.arange(height) + 0.5) / height)
     result = np.empty_like(image)
     step = 1
@@ -170,7 +167,7 @@ def _bilateral(image: FloatArray) -> FloatArray:
         opposite = np.roll(means, means.shape[1] // 2, axis=1)
         around = np.vstack([opposite[:half][::-1], means, opposite[-half:][::-1]])
         around = np.pad(around, ((0, 0), (half, half)), mode="wrap").astype(np.float32)
-        smooth = cv2.bilateralFilter(around, FILTER_WIDTH, FILTER_RANGE, FILTER_WIDTH / 3.0)[half:-half, half:-half]
+        smooth = cv2.bilateralFilter(around, across, tuned.filter_range, across / 3.0)[half:-half, half:-half]
         position = (np.arange(width) + 0.5) / step - 0.5
         left = np.floor(position).astype(int)
         share = position - left
@@ -178,11 +175,13 @@ def _bilateral(image: FloatArray) -> FloatArray:
         rows = narrowness <= 1.0 / step
         result[rows] = fine[rows]
         step *= 2
-        if not rows.any() or width % (2 * step) or width // step < 4 * FILTER_WIDTH:
+        if not rows.any() or width % (2 * step) or width // step < 4 * across:
             return result
 
 
-def _noise(reciprocal: FloatArray, measured: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+def _noise(
+    reciprocal: FloatArray, measured: NDArray[np.bool_], tuned: DepthParameters
+) -> tuple[FloatArray, FloatArray]:
     """Standard deviation of the noise at some levels of the reciprocal distance q, each of shape (n,).
 
     Along a meridian a plane has ``q(t + d) + q(t - d) = 2 cos(d) q(t)``; what deviates is noise, but for edges, which
@@ -192,14 +191,19 @@ def _noise(reciprocal: FloatArray, measured: NDArray[np.bool_]) -> tuple[FloatAr
     whole = measured[1:-1] & measured[:-2] & measured[2:]
     deviation = np.abs(q - (reciprocal[:-2] + reciprocal[2:]) / (2.0 * np.cos(np.pi / len(reciprocal))))[whole]
     order = np.argsort(q[whole])
-    groups = [group for group in np.array_split(order, NOISE_LEVELS) if len(group) >= 50]
+    groups = [group for group in np.array_split(order, tuned.noise_levels) if len(group) >= tuned.noise_pixels]
     levels = np.array([np.median(q[whole][group]) for group in groups])
     noise = np.array([1.4826 / np.sqrt(1.5) * np.median(deviation[group]) for group in groups])
     distinct = np.concatenate([[True], np.diff(levels) > 0.0]) if groups else np.zeros(0, dtype=bool)
     return levels[distinct], np.maximum(noise[distinct], 1e-9)
 
 
-def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray[np.bool_]) -> FloatArray:
+def continued(
+    reciprocal: FloatArray,
+    unknown: NDArray[np.bool_],
+    known: NDArray[np.bool_],
+    tuned: DepthParameters = DEFAULT.depth,
+) -> FloatArray:
     """Go on with surfaces into pixels where they are not known.
 
     The reciprocal distance q of a plane is linear in the direction, ``q(w) = n . w / d``, and so solves
@@ -210,10 +214,11 @@ def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray
         reciprocal: 1 / distance, 0 for sky, shape (height, 2 height); read where it is known.
         unknown: the pixels to find, shape (height, 2 height).
         known: the pixels to go on from; sky is none of them, nor are pixels in neither mask.
+        tuned: how large holes are, and what values they may get.
 
     Returns:
-        A copy with the unknown pixels set, to values between half the least and four times the greatest of the known
-        ones that their region touches; 0 (sky) in a region that touches none.
+        A copy with the unknown pixels set, to values between ``least_continued`` times the least and ``most_continued``
+        times the greatest of the known ones that their region touches; 0 (sky) in a region that touches none.
     """
     result = reciprocal.copy()
     known = known & (reciprocal > 0.0)
@@ -226,13 +231,14 @@ def continued(reciprocal: FloatArray, unknown: NDArray[np.bool_], known: NDArray
     height, width = reciprocal.shape
     pixel_areas = np.repeat(pixel_solid_angles(height, width), width)
     areas = np.bincount(regions.ravel(), weights=pixel_areas, minlength=count + 1)
-    small = areas <= 2.0 * np.pi * (1.0 - np.cos(LARGEST_HOLE))
+    small = areas <= 2.0 * np.pi * (1.0 - np.cos(np.radians(tuned.largest_hole)))
     result[unknown] = 0.0
     for constant, chosen in ((2.0, small & (high > 0.0)), (0.0, ~small & (high > 0.0))):
         region = unknown & chosen[regions]
         if region.any():
             here = regions[region]
-            result[region] = np.clip(_solve(reciprocal, region, known, constant), 0.5 * low[here], 4.0 * high[here])
+            found = _solve(reciprocal, region, known, constant)
+            result[region] = np.clip(found, tuned.least_continued * low[here], tuned.most_continued * high[here])
     return result
 
 

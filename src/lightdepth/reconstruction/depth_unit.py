@@ -14,25 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.parameters.reconstruction import DEFAULT, UnitParameters
 
 FloatArray = NDArray[np.float64]
 Estimate = Literal["ray", "disparity"]
-
-TOLERANCE = 0.12
-"""Relative error of an estimated distance up to which a pixel counts for the floor or ceiling."""
-STEEPEST = 0.25
-"""Sine of the angle to the horizon from which floor and ceiling are looked for."""
-TRIALS = 3000
-LEAST_FLOOR = 0.15
-"""Share of the directions below the horizon that the floor must hold."""
-LEAST_SCORE = 0.35
-"""What floor, and half of the ceiling, must hold less what lies below the floor; noise has up to 0.3."""
-NEEDED_GAIN = 1.15
-"""A shift is accepted where floor and ceiling hold this many times as much with it."""
-SURER = 1.2
-"""One kind is accepted where it explains this many times as much as the other."""
-CEILINGS = (0.25, 6.0)
-"""Heights above the camera that a ceiling may have, camera heights."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +52,7 @@ def solve_unit(
     height: float,
     kind: Estimate | None = None,
     shift: bool | None = None,
+    tuned: UnitParameters = DEFAULT.unit,
     seed: int = 0,
 ) -> Unit:
     """Find scale and shift (and the kind) of an estimate by which the floor lies where it is.
@@ -78,31 +64,32 @@ def solve_unit(
         height: of the camera above the floor, metres.
         kind: what the values are, where it is known.
         shift: whether there is one; ``None`` looks whether one is needed.
+        tuned: what counts as floor and ceiling.
         seed: of the random trials.
 
     Raises:
         InputError: there is no floor, or both kinds explain it as well.
     """
-    known = np.isfinite(values) & (np.abs(rise) > STEEPEST)
+    known = np.isfinite(values) & (np.abs(rise) > tuned.steep)
     values, rise, weights = values[known], rise[known], weights[known]
     below = rise < 0.0
-    if np.count_nonzero(below) < 50:
+    if np.count_nonzero(below) < tuned.fewest_pixels:
         raise InputError("no floor is found: too little is known below the horizon")
     kinds: tuple[Estimate, ...] = ("ray", "disparity") if kind is None else (kind,)
     found: list[tuple[float, Unit]] = []
     for tried in kinds:
         options = (False, True) if shift is None else (shift,)
-        best = [_solve(values, rise, weights, height, tried, free, seed) for free in options]
-        chosen = best[-1] if len(best) == 2 and best[1][0] > NEEDED_GAIN * max(best[0][0], 1e-9) else best[0]
+        best = [_solve(values, rise, weights, height, tried, free, tuned, seed) for free in options]
+        chosen = best[-1] if len(best) == 2 and best[1][0] > tuned.needed_gain * max(best[0][0], 1e-9) else best[0]
         found.append(chosen)
     found.sort(key=lambda item: -item[0])
     score, unit = found[0]
-    if score < LEAST_SCORE or unit.floor < LEAST_FLOOR:
+    if score < tuned.least_score or unit.floor < tuned.least_floor:
         raise InputError(
             f"no floor is found in the depth: at most {100 * max(unit.floor, 0.0):.0f} % of what lies below the horizon "
             f"is level and {height:g} m below the camera; check the pose and whether the depth belongs to this panorama"
         )
-    if len(found) == 2 and score < SURER * found[1][0]:
+    if len(found) == 2 and score < tuned.surer * found[1][0]:
         raise InputError(
             "it is not clear whether the depth is distance or disparity (larger where nearer): give --kind ray or "
             "--kind disparity"
@@ -117,43 +104,47 @@ def _solve(
     height: float,
     kind: Estimate,
     free: bool,
+    tuned: UnitParameters,
     seed: int,
 ) -> tuple[float, Unit]:
     """The best scale, and shift where it is free, by RANSAC over pairs of floor pixels; with its score."""
     random = np.random.default_rng(seed)
     below = np.flatnonzero(rise < 0.0)
-    if len(values) > 4000:  # A score needs no more.
-        chosen = random.choice(len(values), 4000, replace=False, p=weights / weights.sum())
-        some_values, some_rise, some_weights = values[chosen], rise[chosen], np.ones(4000)
+    judges = tuned.judges
+    if len(values) > judges:
+        chosen = random.choice(len(values), judges, replace=False, p=weights / weights.sum())
+        some_values, some_rise, some_weights = values[chosen], rise[chosen], np.ones(judges)
     else:
         some_values, some_rise, some_weights = values, rise, weights
     wanted = -rise[below] / height if kind == "disparity" else height / -rise[below]
     x = values[below]
-    one, other = random.choice(len(below), (2, TRIALS), p=weights[below] / weights[below].sum())
+    one, other = random.choice(len(below), (2, tuned.trials), p=weights[below] / weights[below].sum())
     if free:
         step = x[one] - x[other]
         with np.errstate(divide="ignore", invalid="ignore"):
             scales = (wanted[one] - wanted[other]) / step
         shifts = wanted[one] - scales * x[one]
         # Two pixels in one direction from the horizon say nothing about the shift.
-        apart = np.abs(np.log(wanted[one] / wanted[other])) > 0.25
+        apart = np.abs(np.log(wanted[one] / wanted[other])) > tuned.apart
         usable = apart & np.isfinite(scales) & (scales > 0.0)
         scales, shifts = scales[usable], shifts[usable]
     else:
         with np.errstate(divide="ignore", invalid="ignore"):
-            scales = wanted[one[: TRIALS // 6]] / x[one[: TRIALS // 6]]
+            scales = wanted[one[: tuned.trials // 6]] / x[one[: tuned.trials // 6]]
         scales = scales[np.isfinite(scales) & (scales > 0.0)]
         shifts = np.zeros(len(scales))
     best = (-1.0, Unit(kind, 1.0, 0.0, 0.0))
     for scale, offset in zip(scales, shifts, strict=True):
         unit = Unit(kind, float(scale), float(offset), 0.0)
-        score, floor = _score(unit, some_values, some_rise, some_weights, height)
+        score, floor = _score(unit, some_values, some_rise, some_weights, height, tuned)
         if score > best[0]:
             best = score, Unit(kind, unit.scale, unit.shift, floor)
     return best
 
 
-def _score(unit: Unit, values: FloatArray, rise: FloatArray, weights: FloatArray, height: float) -> tuple[float, float]:
+def _score(
+    unit: Unit, values: FloatArray, rise: FloatArray, weights: FloatArray, height: float, tuned: UnitParameters
+) -> tuple[float, float]:
     """How much lies on the floor and on one level ceiling, less what lies below the floor; and the floor's share."""
     reciprocal = unit.reciprocal(values)
     seen = reciprocal > 0.0
@@ -161,17 +152,18 @@ def _score(unit: Unit, values: FloatArray, rise: FloatArray, weights: FloatArray
     # The logarithm of a pixel's depth below the camera over the floor's: 0 on the floor, positive below it.
     with np.errstate(divide="ignore"):
         level = np.log(np.abs(rise) / np.where(seen, reciprocal, 1e-12) / height)
-    on = down & (np.abs(level) < TOLERANCE)
-    agreement = 1.0 - (level / TOLERANCE) ** 2
+    on = down & (np.abs(level) < tuned.tolerance)
+    agreement = 1.0 - (level / tuned.tolerance) ** 2
     total = weights[down].sum()
     floor = float((weights * agreement)[on].sum() / total)
-    under = float(weights[down & (level > 2.0 * TOLERANCE)].sum() / total)
-    up = ~down & seen & (level > np.log(CEILINGS[0])) & (level < np.log(CEILINGS[1]))
+    under = float(weights[down & (level > tuned.below * tuned.tolerance)].sum() / total)
+    lowest, highest, step = np.log(tuned.lowest_ceiling), np.log(tuned.highest_ceiling), tuned.ceiling_step
+    up = ~down & seen & (level > lowest) & (level < highest)
     ceiling = 0.0
     if up.any():
-        bins = np.histogram(
-            level[up], np.arange(np.log(CEILINGS[0]), np.log(CEILINGS[1]) + 0.04, 0.04), weights=weights[up]
-        )[0]
-        ceiling = float(np.convolve(bins, np.ones(4), "same").max() / max(weights[~down].sum(), 1e-12))
+        bins = np.histogram(level[up], np.arange(lowest, highest + step, step), weights=weights[up])[0]
+        ceiling = float(
+            np.convolve(bins, np.ones(tuned.ceiling_steps), "same").max() / max(weights[~down].sum(), 1e-12)
+        )
     share = float(weights[on].sum() / total)
-    return floor - under + 0.5 * ceiling * (floor > 0.05), share
+    return floor - under + tuned.ceiling_weight * ceiling * (floor > tuned.ceiling_floor), share

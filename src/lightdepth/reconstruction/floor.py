@@ -13,29 +13,17 @@ import trimesh
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError, warn
+from lightdepth.parameters.reconstruction import DEFAULT, FloorParameters, ReconstructionParameters
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.reconstruction.simplification import simplified
 from lightdepth.scene.model import Mesh
 
 FloatArray = NDArray[np.float64]
 
-TRIALS = 500
-SAMPLE = 20_000
 UNITS = {"feet": 3.2808, "inches": 39.37, "centimetres": 100.0, "millimetres": 1000.0}
 """What other programs than ours may count in, units in a metre."""
-HIGHEST = 30.0
-"""Metres that a lens is rarely above the floor."""
-LOWER_STEP = 0.1
-"""A floor hides at least this far, in metres, below a table or bed that was taken for it."""
-LOWER_SHARE = 0.25
-"""It is accepted where at least this share of the higher plane's points lie on it."""
-
-FLATTEST = 0.2
-"""Cosine to the plane's normal of a face that can be laid flat without becoming a sliver."""
 LAID_FLAT = 1e-4
 """Metres that a vertex laid onto the floor is off by rounding, at most."""
-CONTRAST = 1.6
-"""A plane holds at least this many times as many points as the two layers of the same thickness beside it."""
 
 
 @dataclass(frozen=True)
@@ -62,30 +50,36 @@ class Plane:
         return float(np.degrees(np.arccos(np.clip(self.normal[2], -1.0, 1.0))))
 
 
-def warn_of_height(path: Path, floor: Plane | None, pose: Pose) -> None:
+def warn_of_height(path: Path, floor: Plane | None, pose: Pose, tuned: FloorParameters = DEFAULT.floor) -> None:
     """Warn where the floor lies as far below the lens as if the file's unit were another than was taken.
 
     Args:
         path: the file, for messages.
         floor: as found; ``None`` where none was asked for.
         pose: of the panorama, whose height is usually that above the floor.
+        tuned: how high a lens may be.
     """
     if floor is None:
         return
     stated = float(pose.position[2])
     above = float(floor.heights(pose.position[None])[0])
-    unit = next((name for name, units in UNITS.items() if stated > 0.2 and 0.9 < above / stated / units < 1.1), None)
+    low, high = 1.0 - tuned.same_unit, 1.0 + tuned.same_unit
+    unit = next((name for name, units in UNITS.items() if stated > 0.2 and low < above / stated / units < high), None)
     if unit is not None:
         warn(
             f"{path}: its floor lies {above:.4g} m below the lens, and the pose has the lens {stated:.3g} m above the "
             f"origin; if the file is in {unit}, --scale {1.0 / UNITS[unit]:.4g} converts it"
         )
-    elif above > HIGHEST:
+    elif above > tuned.highest:
         warn(f"{path}: its floor lies {above:.4g} m below the lens; if the file is not in metres, --scale converts it")
 
 
 def find_floor(
-    points: FloatArray, capture_point: FloatArray, tolerance: float = 0.03, largest_tilt: float = 10.0, seed: int = 0
+    points: FloatArray,
+    capture_point: FloatArray,
+    tolerance: float = 0.03,
+    tuned: FloorParameters = DEFAULT.floor,
+    seed: int = 0,
 ) -> Plane:
     """Find the lowest large, nearly level plane below the capture point.
 
@@ -93,41 +87,42 @@ def find_floor(
         points: spread evenly over the surfaces, world, metres, shape (n, 3).
         capture_point: world, metres, shape (3,).
         tolerance: largest distance of a point that is on the plane, metres.
-        largest_tilt: angle to the horizontal that a floor may have, degrees.
+        tuned: how it is found.
         seed: of the random trials.
 
     Raises:
-        InputError: no such plane holds 1 % of the points.
+        InputError: no such plane holds ``tuned.least_share`` of the points.
     """
     random = np.random.default_rng(seed)
-    if len(points) > SAMPLE:
-        points = points[random.choice(len(points), SAMPLE, replace=False)]
-    below = points[points[:, 2] < capture_point[2] - LOWER_STEP]
+    if len(points) > tuned.points:
+        points = points[random.choice(len(points), tuned.points, replace=False)]
+    below = points[points[:, 2] < capture_point[2] - tuned.lower_step]
     floor = None
     while len(below) >= 3:
-        found = _ransac(below, tolerance, np.cos(np.radians(largest_tilt)), random)
-        needed = 0.01 * len(points) if floor is None else LOWER_SHARE * floor.share * len(points)
+        found = _ransac(below, tolerance, tuned, random)
+        needed = (tuned.least_share if floor is None else tuned.lower_share * floor.share) * len(points)
         if found is None:
             break
         heights = np.abs(found.heights(points))
         on_plane, beside = np.count_nonzero(heights < tolerance), np.count_nonzero(heights < 2.0 * tolerance)
         # A level slice through walls holds no more points than the slices beside it.
-        if on_plane < max(needed, 30) or on_plane < CONTRAST * (beside - on_plane):
+        if on_plane < max(needed, tuned.fewest_points) or on_plane < tuned.contrast * (beside - on_plane):
             break
         floor = Plane(found.normal, found.offset, on_plane / len(points))
-        below = below[floor.heights(below) < -LOWER_STEP]
+        below = below[floor.heights(below) < -tuned.lower_step]
     if floor is None:
         raise InputError(
             f"no floor found: no plane below the capture point (height {capture_point[2]:.2f} m) that is level within "
-            f"{largest_tilt:g} degrees holds 1 % of the points; check the pose, the scale and which axis is up, or ask "
-            "for no floor"
+            f"{tuned.largest_tilt:g} degrees holds {100.0 * tuned.least_share:g} % of the points; check the pose, the "
+            "scale and which axis is up, or ask for no floor"
         )
     return floor
 
 
-def _ransac(points: FloatArray, tolerance: float, smallest_cosine: float, random: np.random.Generator) -> Plane | None:
+def _ransac(points: FloatArray, tolerance: float, tuned: FloorParameters, random: np.random.Generator) -> Plane | None:
     """The nearly level plane with the most points, fitted to them by least squares."""
-    corners = points[random.integers(len(points), size=(TRIALS, 3))]
+    smallest_cosine = np.cos(np.radians(tuned.largest_tilt))
+    corners = points[random.integers(len(points), size=(tuned.trials, 3))]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.linalg.norm(normals, axis=1)
     normals[lengths > 0] /= lengths[lengths > 0, None]
@@ -153,7 +148,13 @@ def _ransac(points: FloatArray, tolerance: float, smallest_cosine: float, random
     return Plane(normal, offset, 0.0)
 
 
-def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03, most_faces: int | None = None) -> tuple[Mesh, Mesh]:
+def split_floor(
+    mesh: Mesh,
+    floor: Plane,
+    tolerance: float = 0.03,
+    most_faces: int | None = None,
+    tuned: ReconstructionParameters = DEFAULT,
+) -> tuple[Mesh, Mesh]:
     """Part a mesh into its floor, laid flat onto the plane, and the rest.
 
     The two still meet without a gap: the vertices that they share are moved in both.
@@ -163,6 +164,7 @@ def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03, most_faces: i
         floor: its floor plane.
         tolerance: largest distance of a floor vertex from the plane, metres.
         most_faces: of both together, which are simplified to these; ``None`` keeps all.
+        tuned: what can be laid flat, and how far surfaces may move.
 
     Returns:
         The floor and the rest; either may have no faces.
@@ -170,23 +172,25 @@ def split_floor(mesh: Mesh, floor: Plane, tolerance: float = 0.03, most_faces: i
     vertices = mesh.vertices.astype(np.float64)
     heights = floor.heights(vertices)
     near = np.abs(heights) < tolerance
-    on_floor = np.asarray(near[mesh.faces].all(axis=1) & _is_flat(vertices, mesh.faces, floor), dtype=bool)
+    on_floor = np.asarray(
+        near[mesh.faces].all(axis=1) & _is_flat(vertices, mesh.faces, floor, tuned.floor.flattest), dtype=bool
+    )
     used = np.unique(mesh.faces[on_floor])
     vertices[used] -= heights[used, None] * floor.normal
     flat = Mesh(vertices.astype(np.float32), mesh.faces)
     if most_faces is not None:
-        flat = simplified(flat, most_faces)
+        flat = simplified(flat, most_faces, tuned.depth.unseen_error)
         vertices = flat.vertices.astype(np.float64)
         near = np.abs(floor.heights(vertices)) < LAID_FLAT
         on_floor = np.asarray(near[flat.faces].all(axis=1), dtype=bool)
     return part_of(flat, on_floor), part_of(flat, ~on_floor)
 
 
-def _is_flat(vertices: FloatArray, faces: NDArray[np.int32], floor: Plane) -> NDArray[np.bool_]:
+def _is_flat(vertices: FloatArray, faces: NDArray[np.int32], floor: Plane, flattest: float) -> NDArray[np.bool_]:
     """Whether each face can be laid onto the floor, shape (m,)."""
     one, two, three = (vertices[faces[:, corner]] for corner in range(3))
     normals = np.cross(two - one, three - one)
-    return np.abs(normals @ floor.normal) > FLATTEST * np.linalg.norm(normals, axis=1)
+    return np.abs(normals @ floor.normal) > flattest * np.linalg.norm(normals, axis=1)
 
 
 def part_of(mesh: Mesh, chosen: NDArray[np.bool_]) -> Mesh:
@@ -196,7 +200,7 @@ def part_of(mesh: Mesh, chosen: NDArray[np.bool_]) -> Mesh:
     return Mesh(mesh.vertices[used], compact.reshape(faces.shape).astype(np.int32))
 
 
-def spread_points(mesh: Mesh, count: int = SAMPLE, seed: int = 0) -> FloatArray:
+def spread_points(mesh: Mesh, count: int = DEFAULT.floor.points, seed: int = 0) -> FloatArray:
     """Points spread evenly over a mesh's area, shape (count, 3)."""
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     points, _ = trimesh.sample.sample_surface(surface, count, seed=seed)

@@ -14,10 +14,11 @@ from scipy import ndimage
 from lightdepth.directions import direction_to_latlong, pixel_directions, pixel_solid_angles
 from lightdepth.errors import InputError, warn
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.parameters.reconstruction import DEFAULT, EstimateParameters, ReconstructionParameters
 from lightdepth.reconstruction.depth_image import DepthImage, continued, reduced
 from lightdepth.reconstruction.depth_unit import Estimate, Unit, solve_unit
 from lightdepth.reconstruction.floor import Plane, part_of
-from lightdepth.reconstruction.from_depth import BEHIND_SHARE, SHELL_FACES, Measured
+from lightdepth.reconstruction.from_depth import SHELL_FACES, Measured
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.reconstruction.room_planes import RoomPlanes, find_room_planes, nearest_planes
 from lightdepth.reconstruction.simplification import simplified
@@ -26,23 +27,6 @@ from lightdepth.scene.model import Mesh, RealSurface, Role
 
 FloatArray = NDArray[np.float64]
 Labels = NDArray[np.intp]
-
-UNIT_ROWS = 64
-"""Of the picture by which the unit is found."""
-PLANE_ERROR = (0.02, 0.06)
-"""Least and most relative deviation up to which a pixel is part of a plane; between these, four times the usual one."""
-SMALL_PATCH = 4.0
-"""Square degrees up to which a patch that differs from all around it is noise."""
-SOFT = 3
-"""Pixels of an image of 1024 columns on either side of an edge over which an estimate blurs it."""
-STEP, BENT = 1.15, 0.05
-"""A blurred edge is where reciprocal distances differ so much within that, and are bent so much."""
-JOINT = 6
-"""Pixels beside a joint within which the nearer of the two planes is what is seen."""
-MUCH_UNKNOWN = 0.005
-"""Share of all directions."""
-REACH = 15.0
-"""Degrees behind an object over which the planes around it go on to their joints."""
 
 
 @dataclass(frozen=True)
@@ -95,6 +79,7 @@ def surfaces_from_estimate(
     max_width: int = 1024,
     most_faces: int = 50_000,
     progress: Callable[[float], None] = lambda share: None,
+    tuned: ReconstructionParameters = DEFAULT,
 ) -> Estimated:
     """Find the unit of an estimate, make floor, ceilings and walls planes, and mesh the rest as it is.
 
@@ -112,6 +97,7 @@ def surfaces_from_estimate(
         max_width: wider images are reduced to at most this many columns.
         most_faces: of all surfaces together.
         progress: called with the share that is done.
+        tuned: how unit, planes and surfaces are found.
 
     Returns:
         ``floor`` (support), ``walls``, ``ceiling``, ``furniture`` and ``behind`` (environment), as far as there are such.
@@ -126,10 +112,11 @@ def surfaces_from_estimate(
     rows, columns = values.shape
     directions = pose.to_world(pixel_directions(rows, columns))
     solid_angles = np.repeat(pixel_solid_angles(rows, columns)[:, None], columns, axis=1)
-    few = max(1, rows // UNIT_ROWS)
+    few = max(1, rows // tuned.unit.rows)
     some = (slice(few // 2, None, few), slice(few // 2, None, few))
     try:
-        unit = solve_unit(values[some], directions[some][..., 2], solid_angles[some], camera_height, kind, shift)
+        rise = directions[some][..., 2]
+        unit = solve_unit(values[some], rise, solid_angles[some], camera_height, kind, shift, tuned.unit)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     reciprocal = unit.reciprocal(values)
@@ -138,24 +125,24 @@ def surfaces_from_estimate(
         declared |= (reciprocal < 1.0 / sky_beyond) & np.isfinite(values)
     reciprocal[declared] = 0.0
     progress(0.1)
-    planes = find_room_planes(_levelled(reciprocal, pose), camera_height, unit)
+    planes = find_room_planes(_levelled(reciprocal, pose), camera_height, unit, tuned.planes)
     progress(0.5)
     missing = (reciprocal <= 0.0) & ~declared
     corrected = planes.correction(directions, reciprocal, unit)
     if missing.any():
-        corrected = continued(corrected, missing, ~missing & ~declared)
+        corrected = continued(corrected, missing, ~missing & ~declared, tuned.depth)
     corrected[declared] = 0.0
-    corrected = _sharpened(corrected, round(SOFT * columns / 1024) or 1)
-    label = _labels(corrected, directions, planes, solid_angles)
+    corrected = _sharpened(corrected, tuned.estimate)
+    label = _labels(corrected, directions, planes, solid_angles, tuned.estimate)
     label[declared] = -1
-    exact = _exact(corrected, label, directions, planes, declared)
+    exact = _exact(corrected, label, directions, planes, declared, tuned.estimate.above_floor)
     progress(0.6)
-    surfaces = _surfaces(exact, label, directions, planes, pose, camera_height, most_faces, progress)
+    surfaces = _surfaces(exact, label, directions, planes, pose, camera_height, most_faces, progress, tuned)
     floor_height = float(pose.position[2] - camera_height)
     floor = Plane(np.array([0.0, 0.0, 1.0]), floor_height, float(solid_angles[label == 0].sum() / (4.0 * np.pi)))
     measured = Measured(surfaces, floor, declared if declared.any() else None)
     unknown = float(solid_angles[missing].sum() / (4.0 * np.pi))
-    if unknown > MUCH_UNKNOWN:
+    if unknown > tuned.estimate.much_unknown:
         warn(
             f"{path}: in {100 * unknown:.2g} % of all directions the estimate means nothing or infinity; that was closed "
             "like a hole. If it is sky, give --sky, or --sky-beyond METRES"
@@ -173,8 +160,9 @@ def _levelled(reciprocal: FloatArray, pose: Pose) -> FloatArray:
     return cv2.remap(wrapped, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE).astype(np.float64)
 
 
-def _sharpened(reciprocal: FloatArray, reach: int) -> FloatArray:
+def _sharpened(reciprocal: FloatArray, tuned: EstimateParameters) -> FloatArray:
     """Blurred edges made jumps: a pixel of one gets the distance of its nearer or farther side, whichever is more like."""
+    reach = round(tuned.soft * reciprocal.shape[1] / 1024) or 1
     around = np.pad(reciprocal, ((0, 0), (2 * reach, 2 * reach)), mode="wrap").astype(np.float32)
     safe = np.maximum(around, 1e-9)
     bend = np.zeros_like(around)
@@ -184,35 +172,42 @@ def _sharpened(reciprocal: FloatArray, reach: int) -> FloatArray:
     bend[:reach] = bend[-reach:] = 0.0
     window = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
     near, far = cv2.dilate(around, window), cv2.erode(around, window)
-    edge = (near > STEP * far) & (cv2.dilate(bend, window) > BENT) & (far > 0.0)
+    edge = (near > tuned.step * far) & (cv2.dilate(bend, window) > tuned.bent) & (far > 0.0)
     middle = np.sqrt(near * far)
     crisp = np.where(edge, np.where(around > middle, near, far), around)[:, 2 * reach : -2 * reach].astype(np.float64)
     return np.where(reciprocal > 0.0, crisp, reciprocal)
 
 
-def _labels(corrected: FloatArray, directions: FloatArray, planes: RoomPlanes, solid_angles: FloatArray) -> Labels:
+def _labels(
+    corrected: FloatArray,
+    directions: FloatArray,
+    planes: RoomPlanes,
+    solid_angles: FloatArray,
+    tuned: EstimateParameters,
+) -> Labels:
     """Which plane each pixel shows, -1 for none."""
-    tolerance = float(np.clip(4.0 * planes.spread, *PLANE_ERROR))
+    usual = tuned.plane_errors * planes.spread
+    tolerance = float(np.clip(usual, tuned.least_plane_error, tuned.most_plane_error))
     label, _ = nearest_planes(planes.vectors, directions, corrected, tolerance)
-    label = _majority(label, len(planes.vectors))
+    label = _majority(label, len(planes.vectors), tuned.majority)
     # Small patches of anything become what is around them.
     for index in range(-1, len(planes.vectors)):
-        small = _small(label == index, solid_angles)
+        small = _small(label == index, solid_angles, tuned.small_patch)
         if small.any():
             nearest = _nearest(~small)
             label = np.where(small, label[nearest], label)
     # Where two planes meet, what is seen is the nearer one.
-    for one, other in _convex_pairs(label, directions, planes.vectors):
-        beside = (_distance(label == one) <= JOINT) & (_distance(label == other) <= JOINT)
+    joint = tuned.joint
+    for one, other in _convex_pairs(label, directions, planes.vectors, tuned):
+        beside = (_distance(label == one, 2 * joint) <= joint) & (_distance(label == other, 2 * joint) <= joint)
         beside &= (label == one) | (label == other)
         nearer = directions[beside] @ (planes.vectors[one] - planes.vectors[other]) > 0.0
         label[beside] = np.where(nearer, one, other)
     return label
 
 
-def _majority(label: Labels, count: int) -> Labels:
-    """The label that most pixels within some pixels have."""
-    size = 5
+def _majority(label: Labels, count: int, size: int) -> Labels:
+    """The label that most pixels within a square of ``size`` pixels have."""
     padded = np.pad(label, ((0, 0), (size, size)), mode="wrap")
     shares = np.stack(
         [cv2.boxFilter((padded == index).astype(np.float32), -1, (size, size)) for index in range(-1, count)]
@@ -220,11 +215,11 @@ def _majority(label: Labels, count: int) -> Labels:
     return (shares.argmax(axis=0) - 1)[:, size:-size].astype(np.intp)
 
 
-def _small(mask: NDArray[np.bool_], solid_angles: FloatArray) -> NDArray[np.bool_]:
+def _small(mask: NDArray[np.bool_], solid_angles: FloatArray, largest: float) -> NDArray[np.bool_]:
     regions, count = ndimage.label(mask, np.ones((3, 3)))
     areas = np.bincount(regions.ravel(), solid_angles.ravel(), count + 1)
     # A region that is cut by the panorama's edge counts as two; one of the first or last row is at a pole.
-    return mask & (areas < np.radians(1.0) ** 2 * SMALL_PATCH)[regions]
+    return mask & (areas < np.radians(1.0) ** 2 * largest)[regions]
 
 
 def _nearest(known: NDArray[np.bool_]) -> tuple[NDArray, NDArray]:
@@ -237,7 +232,7 @@ def _nearest(known: NDArray[np.bool_]) -> tuple[NDArray, NDArray]:
     return rows[:, inner], (columns[:, inner] - margin) % width
 
 
-def _distance(mask: NDArray[np.bool_], margin: int = 2 * JOINT) -> FloatArray:
+def _distance(mask: NDArray[np.bool_], margin: int) -> FloatArray:
     """Distance of every pixel from a mask, pixels."""
     padded = np.pad(mask, ((0, 0), (margin, margin)), mode="wrap")
     if not mask.any():
@@ -247,29 +242,36 @@ def _distance(mask: NDArray[np.bool_], margin: int = 2 * JOINT) -> FloatArray:
     return distance[:, margin:-margin].astype(np.float64)
 
 
-def _convex_pairs(label: Labels, directions: FloatArray, vectors: FloatArray) -> list[tuple[int, int]]:
+def _convex_pairs(
+    label: Labels, directions: FloatArray, vectors: FloatArray, tuned: EstimateParameters
+) -> list[tuple[int, int]]:
     """Pairs of planes that meet so that the nearer one hides the other, as in the corners of a room."""
-    near = [_distance(label == index) <= JOINT for index in range(len(vectors))]
+    near = [_distance(label == index, 2 * tuned.joint) <= tuned.joint for index in range(len(vectors))]
     pairs = []
     for one in range(len(vectors)):
         for other in range(one + 1, len(vectors)):
             beside = near[one] & near[other] & ((label == one) | (label == other))
-            if np.count_nonzero(beside) < 20:
+            if np.count_nonzero(beside) < tuned.fewest_pixels:
                 continue
             nearer = directions[beside] @ (vectors[one] - vectors[other]) > 0.0
-            if np.mean(nearer == (label[beside] == one)) > 0.7:
+            if np.mean(nearer == (label[beside] == one)) > tuned.convex:
                 pairs.append((one, other))
     return pairs
 
 
 def _exact(
-    corrected: FloatArray, label: Labels, directions: FloatArray, planes: RoomPlanes, sky: NDArray[np.bool_]
+    corrected: FloatArray,
+    label: Labels,
+    directions: FloatArray,
+    planes: RoomPlanes,
+    sky: NDArray[np.bool_],
+    above: float,
 ) -> FloatArray:
-    """Reciprocal distances with the planes' pixels on the planes, and nothing below the floor."""
+    """Reciprocal distances with the planes' pixels on the planes, and all others, ``above`` times, above the floor."""
     on = label >= 0
     exact = corrected.copy()
     exact[on] = np.einsum("ij,ij->i", directions[on], planes.vectors[label[on]])
-    floor = 1.002 * directions @ planes.vectors[0]
+    floor = above * directions @ planes.vectors[0]
     return np.where(on | sky, exact, np.maximum(exact, floor))
 
 
@@ -282,9 +284,10 @@ def _surfaces(
     camera_height: float,
     most_faces: int,
     progress: Callable[[float], None],
+    tuned: ReconstructionParameters,
 ) -> list[RealSurface]:
     columns = exact.shape[1]
-    behind_label, beyond = _planes_behind(label, directions, planes.vectors)
+    behind_label, beyond = _planes_behind(label, directions, planes.vectors, tuned.estimate)
     with np.errstate(divide="ignore"):
         depth = np.where(exact > 0.0, 1.0 / exact, np.inf)
         bare = np.where(beyond > 0.0, 1.0 / beyond, np.inf)
@@ -304,12 +307,12 @@ def _surfaces(
         raise InputError("no floor is left: nothing in the depth lies level below the camera")
     progress(0.7)
     rest = part_of(seen, ~level(seen))
-    behind = unseen_background(depth, pose, np.where(behind_label >= 0, beyond, 0.0))
+    behind = unseen_background(depth, pose, np.where(behind_label >= 0, beyond, 0.0), tuned.depth)
     progress(0.8)
-    few = round(BEHIND_SHARE * most_faces)
-    floor = simplified(floor, few)
-    behind = simplified(behind, few)
-    rest = simplified(rest, most_faces - len(floor.faces) - len(behind.faces) - SHELL_FACES)
+    few, error = round(tuned.depth.behind_share * most_faces), tuned.depth.unseen_error
+    floor = simplified(floor, few, error)
+    behind = simplified(behind, few, error)
+    rest = simplified(rest, most_faces - len(floor.faces) - len(behind.faces) - SHELL_FACES, error)
     progress(1.0)
     surfaces = [RealSurface("floor", floor, Role.SUPPORT)]
     owner = _plane_of_faces(rest, planes, pose)
@@ -326,18 +329,20 @@ def _surfaces(
     return surfaces
 
 
-def _planes_behind(label: Labels, directions: FloatArray, vectors: FloatArray) -> tuple[Labels, FloatArray]:
+def _planes_behind(
+    label: Labels, directions: FloatArray, vectors: FloatArray, tuned: EstimateParameters
+) -> tuple[Labels, FloatArray]:
     """The plane of the room that is seen, or would be seen without what stands before it; and its reciprocal distance.
 
     Behind an object the nearest plane goes on, and where it meets another one that is near, that one.
     """
     rows = label.shape[0]
-    reach = REACH / 180.0 * rows
+    reach = tuned.behind_reach / 180.0 * rows
     if not (label >= 0).any():
         return label, np.zeros(label.shape)
     behind = np.where(label >= 0, label, label[_nearest(label >= 0)])
     reciprocal = np.einsum("ijk,ijk->ij", directions, vectors[behind])
-    for one, other in _convex_pairs(label, directions, vectors):
+    for one, other in _convex_pairs(label, directions, vectors, tuned):
         for here, there in ((one, other), (other, one)):
             chosen = (label < 0) & (behind == here) & (_distance(label == there, round(2 * reach)) < reach)
             candidate = directions[chosen] @ vectors[there]

@@ -10,6 +10,7 @@ from scipy import ndimage
 from scipy.spatial import KDTree
 
 from lightdepth.errors import InputError
+from lightdepth.parameters.reconstruction import DEFAULT, ReconstructionParameters
 from lightdepth.reconstruction.cleaning import smoothed, thinned, without_outliers
 from lightdepth.reconstruction.floor import Plane, find_floor, part_of
 from lightdepth.reconstruction.from_depth import Measured, split_roles
@@ -19,11 +20,6 @@ from lightdepth.reconstruction.pose import Pose
 from lightdepth.reconstruction.unmeasured import continued_planes
 
 FloatArray = NDArray[np.float64]
-
-POINTS_PER_CELL = 2.0
-"""A cell of the surface is this many times as wide as the spacing of the points that it is made from."""
-OPEN_CELLS = 4.0
-"""Where nothing was measured within this many cells, the surface is the reconstruction's own invention."""
 
 
 def surfaces_from_points(
@@ -35,6 +31,7 @@ def surfaces_from_points(
     *,
     keep_open: bool = False,
     progress: Callable[[str, float], None] = lambda step, share: None,
+    tuned: ReconstructionParameters = DEFAULT,
 ) -> Measured:
     """Make a closed surface of a scanned place.
 
@@ -46,6 +43,7 @@ def surfaces_from_points(
         floor_tolerance: largest distance of a floor point from the floor's plane, metres; ``None`` looks for no floor.
         keep_open: leave out the parts of the surface that no point lies near, as toward the sky.
         progress: called with the step's name and the share of it that is done.
+        tuned: how points are cleaned and continued, and how the floor is found.
 
     Returns:
         ``floor`` (support) and ``place`` (environment); together they are closed, but for ``keep_open``.
@@ -57,28 +55,28 @@ def surfaces_from_points(
     """
     _check_place(cloud, pose)
     progress("Cleaning points", 0.0)
-    cloud = without_outliers(thinned(cloud, cell / POINTS_PER_CELL))
+    cloud = without_outliers(thinned(cloud, cell / tuned.points.per_cell), tuned.points)
     if len(cloud.points) < 100:
         raise InputError(
             f"{len(cloud.points)} points are left after the outliers were removed, at a detail of {cell:g} m; at least "
             "100 are needed: give a larger --detail, or check --scale"
         )
-    points, normals = smoothed(cloud, pose.position, lambda share: progress("Cleaning points", share))
+    points, normals = smoothed(cloud, pose.position, lambda share: progress("Cleaning points", share), tuned.points)
     if floor_tolerance is not None:
-        floor = find_floor(points, pose.position, floor_tolerance)
+        floor = find_floor(points, pose.position, floor_tolerance, tuned.floor)
         added = _floor_under_the_scanner(points, floor, floor_tolerance, cell)
         points = np.concatenate([points, added])
         normals = np.concatenate([normals, np.broadcast_to(floor.normal, added.shape)])
     if not keep_open:
-        continued, facing = continued_planes(points, normals, pose.position, cell)
+        continued, facing = continued_planes(points, normals, pose.position, cell, tuned.points)
         points, normals = np.concatenate([points, continued]), np.concatenate([normals, facing])
     progress("Reconstructing the surface", 0.0)
-    mesh = poisson_surface(points, normals, cell, most_faces)
+    mesh = poisson_surface(points, normals, cell, most_faces, tuned.points)
     if keep_open:
-        near = KDTree(points).query(mesh.vertices)[0] < OPEN_CELLS * cell
+        near = KDTree(points).query(mesh.vertices)[0] < tuned.points.open_cells * cell
         mesh = part_of(mesh, near[mesh.faces].all(axis=1))
     progress("Reconstructing the surface", 1.0)
-    found, surfaces = split_roles(mesh, pose, floor_tolerance)
+    found, surfaces = split_roles(mesh, pose, floor_tolerance, tuned=tuned)
     return Measured(surfaces, found)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lightdepth.calibration.clicks import read_clicks
 from lightdepth.errors import InputError
+from lightdepth.parameters.reconstruction import DEFAULT, ClickParameters
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.model import Mesh, RealSurface, Role
 
@@ -21,15 +22,16 @@ FORM = (
     "of its rim; instead of 'from', 'height=METRES' of its middle above the floor; instead of 'rim', 'radius=METRES' of a "
     "sphere or 'size=X,Y,Z' of a box, metres along the world's axes"
 )
-BESIDE = 5.0
-"""Degrees of azimuth that a lamp's middle may be beside the point that it hangs from."""
-NEAREST = 0.05
-"""Metres from the capture point that a lamp's surface must keep."""
-SUBDIVISIONS = 2
 
 
 def hanging_lamp(
-    text: str, number: int, size: tuple[int, int] | None, pose: Pose, floor: float, planes: Sequence[FloatArray]
+    text: str,
+    number: int,
+    size: tuple[int, int] | None,
+    pose: Pose,
+    floor: float,
+    planes: Sequence[FloatArray],
+    tuned: ClickParameters = DEFAULT.clicks,
 ) -> list[RealSurface]:
     """A lamp as it was written; see ``FORM``.
 
@@ -40,6 +42,7 @@ def hanging_lamp(
         pose: of the panorama.
         floor: height of the floor, world z, metres.
         planes: of the ceiling, each ``(a, b, c)`` of ``z = a x + b y + c``; none outdoors.
+        tuned: how exactly it must hang below its click.
 
     Returns:
         One surface (environment) whose faces look outward.
@@ -65,7 +68,7 @@ def hanging_lamp(
 
     toward = click("at")
     if "from" in settings:
-        distance = _below(click("from"), toward, pose, planes, what)
+        distance = _below(click("from"), toward, pose, planes, what, tuned.lamp_beside)
     else:
         (height,) = _numbers(settings["height"], 1, f"{what}: height")
         rise = floor + height - float(pose.position[2])
@@ -88,9 +91,9 @@ def hanging_lamp(
         if reach <= 0.0:
             raise InputError(f"{what}: 'rim' is where 'at' is; click the edge of the lamp as seen")
         # A faceted sphere of the volume of the round one.
-        shape = trimesh.creation.icosphere(subdivisions=SUBDIVISIONS, radius=reach)
+        shape = trimesh.creation.icosphere(subdivisions=tuned.lamp_subdivisions, radius=reach)
         shape.apply_scale((4.0 / 3.0 * np.pi * reach**3 / shape.volume) ** (1.0 / 3.0))
-    if distance - reach < NEAREST:
+    if distance - reach < tuned.lamp_nearest:
         raise InputError(
             f"{what}: it would reach to the capture point: its middle is {distance:.2f} m away, and it is "
             f"{2 * reach:.2f} m wide"
@@ -100,7 +103,9 @@ def hanging_lamp(
     return [RealSurface(name.strip() or f"lamp-{number}", mesh, Role.ENVIRONMENT)]
 
 
-def _below(mount: FloatArray, toward: FloatArray, pose: Pose, planes: Sequence[FloatArray], what: str) -> float:
+def _below(
+    mount: FloatArray, toward: FloatArray, pose: Pose, planes: Sequence[FloatArray], what: str, allowed: float
+) -> float:
     """Distance of a lamp that hangs plumb below the point where a direction meets the ceiling, metres."""
     if not planes:
         raise InputError(f"{what}: outdoors there is no ceiling to hang from; give 'height' instead of 'from'")
@@ -116,10 +121,10 @@ def _below(mount: FloatArray, toward: FloatArray, pose: Pose, planes: Sequence[F
     level = float(np.linalg.norm(point[:2]))
     beside = np.degrees(np.arctan2(point[0], point[1]) - np.arctan2(toward[0], toward[1]))
     beside = abs((beside + 180.0) % 360.0 - 180.0)
-    if beside > BESIDE:
+    if beside > allowed:
         raise InputError(
             f"{what}: its middle is {beside:.1f} degrees of azimuth beside where it hangs from; it hangs plumb, so that up "
-            f"to {BESIDE:g} are allowed"
+            f"to {allowed:g} are allowed"
         )
     distance = level / max(float(np.linalg.norm(toward[:2])), 1e-6)
     if distance * toward[2] > point[2]:

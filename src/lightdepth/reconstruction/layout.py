@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lightdepth.calibration.clicks import read_clicks
 from lightdepth.errors import InputError
+from lightdepth.parameters.reconstruction import DEFAULT, ClickParameters
 from lightdepth.reconstruction.hanging import hanging_lamp
 from lightdepth.reconstruction.polygon import contains, crossing_sides, signed_area, triangulate
 from lightdepth.reconstruction.pose import Pose, on_level
@@ -23,8 +24,6 @@ from lightdepth.scene.model import Mesh, RealSurface, Role
 
 FloatArray = NDArray[np.float64]
 
-CORNER_REACH = 5.0
-"""A ceiling corner is clicked at most this many degrees of azimuth beside its floor corner."""
 FURNITURE_FORM = (
     "write it as 'NAME: x,y x,y x,y height=METRES', with the name left out if you like, and at the end, where it "
     "applies, 'top=support' (the top of a box receives shadows) and 'clicked=top' (the clicks are the corners of a "
@@ -52,14 +51,14 @@ class Furniture:
     support: bool
     clicked_top: bool
 
-    def corners(self, pose: Pose, floor: float) -> FloatArray:
+    def corners(self, pose: Pose, floor: float, tuned: ClickParameters = DEFAULT.clicks) -> FloatArray:
         """The clicked points' world x and y, metres, shape (n, 2).
 
         Raises:
             InputError: a click lies on the wrong side of the horizon.
         """
         level = floor + self.height if self.clicked_top else floor
-        return on_level(self.directions, pose, level, f"{self.option} {self.name}")
+        return on_level(self.directions, pose, level, f"{self.option} {self.name}", tuned)
 
 
 @dataclass(frozen=True)
@@ -93,6 +92,7 @@ def surfaces_from_layout(
     ceiling: float | None = None,
     ground_radius: float | None = None,
     angles: bool = False,
+    tuned: ClickParameters = DEFAULT.clicks,
 ) -> list[RealSurface]:
     """Make a place from clicks.
 
@@ -104,6 +104,7 @@ def surfaces_from_layout(
             one.
         ground_radius: of a ground disk, metres, instead of a room; ``None`` makes a room.
         angles: clicks are degrees instead of pixels.
+        tuned: how exactly clicks must fit together.
 
     Returns:
         The surfaces, world, metres: closed, or outdoors open to the sky.
@@ -123,15 +124,15 @@ def surfaces_from_layout(
     if ground_radius is not None:
         surfaces = ground(pose.position, floor, ground_radius)
     else:
-        corners = floor_plan(read_clicks(clicked.floor or "", size, "--floor"), pose, floor)
+        corners = floor_plan(read_clicks(clicked.floor or "", size, "--floor"), pose, floor, tuned)
         if ceiling is not None:
             planes.append(np.array([0.0, 0.0, floor + ceiling]))
         elif clicked.ceiling_corner is not None:
             (click,) = read_clicks(clicked.ceiling_corner, size, "--ceiling-corner", 1)
-            planes.append(np.array([0.0, 0.0, ceiling_height(click, corners, pose)]))
+            planes.append(np.array([0.0, 0.0, ceiling_height(click, corners, pose, tuned)]))
         for text in clicked.slopes:
             what = f"--slope '{text}'"
-            planes.append(slope_plane(read_clicks(text, size, what), corners, pose, what))
+            planes.append(slope_plane(read_clicks(text, size, what), corners, pose, what, tuned))
         _check_ceiling(planes, corners, pose, floor)
         surfaces = sloped_room(corners, floor, planes) if clicked.slopes else room(corners, floor, planes[0][2])
     for option, texts, make in (
@@ -140,9 +141,9 @@ def surfaces_from_layout(
         ("--panel", clicked.panels, panel),
     ):
         for number, text in enumerate(texts, start=1):
-            surfaces += make(parse_furniture(text, size, option, number), pose, floor)
+            surfaces += make(parse_furniture(text, size, option, number), pose, floor, tuned)
     for number, text in enumerate(clicked.lamps, start=1):
-        surfaces += hanging_lamp(text, number, size, pose, floor, planes)
+        surfaces += hanging_lamp(text, number, size, pose, floor, planes, tuned)
     names = [surface.name for surface in surfaces]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
@@ -194,13 +195,14 @@ def parse_furniture(text: str, size: tuple[int, int] | None, option: str, number
     )
 
 
-def floor_plan(directions: FloatArray, pose: Pose, floor: float) -> FloatArray:
+def floor_plan(directions: FloatArray, pose: Pose, floor: float, tuned: ClickParameters = DEFAULT.clicks) -> FloatArray:
     """The floor's corners from their clicks, counter-clockwise seen from above.
 
     Args:
         directions: light space, shape (n, 3), in order around the room, either way round.
         pose: of the panorama.
         floor: height of the floor, world z, metres.
+        tuned: how far from the horizon clicks must lie.
 
     Returns:
         World x and y, metres, shape (n, 2).
@@ -210,7 +212,7 @@ def floor_plan(directions: FloatArray, pose: Pose, floor: float) -> FloatArray:
     """
     if len(directions) < 3:
         raise InputError(f"--floor: {len(directions)} corners found; at least 3 are needed")
-    corners = on_level(directions, pose, floor, "--floor")
+    corners = on_level(directions, pose, floor, "--floor", tuned)
     crossing = crossing_sides(corners)
     if crossing is not None:
         i, j = crossing
@@ -225,13 +227,16 @@ def floor_plan(directions: FloatArray, pose: Pose, floor: float) -> FloatArray:
     return corners if signed_area(corners) > 0 else corners[::-1].copy()
 
 
-def ceiling_height(direction: FloatArray, corners: FloatArray, pose: Pose) -> float:
+def ceiling_height(
+    direction: FloatArray, corners: FloatArray, pose: Pose, tuned: ClickParameters = DEFAULT.clicks
+) -> float:
     """Height of the ceiling from one of its corners, which stands plumb above a corner of the floor.
 
     Args:
         direction: the clicked ceiling corner, light space, shape (3,).
         corners: the floor plan, world, metres, shape (n, 2).
         pose: of the panorama.
+        tuned: how near to plumb it must stand.
 
     Returns:
         World z, metres.
@@ -241,7 +246,7 @@ def ceiling_height(direction: FloatArray, corners: FloatArray, pose: Pose) -> fl
     """
     world = pose.to_world(direction)
     elevation = np.degrees(np.arcsin(np.clip(world[2], -1.0, 1.0)))
-    if elevation < 0.5:
+    if elevation < tuned.horizon:
         raise InputError(
             f"--ceiling-corner: the click looks {elevation:+.1f} degrees from the horizon; it must be above"
         )
@@ -249,10 +254,10 @@ def ceiling_height(direction: FloatArray, corners: FloatArray, pose: Pose) -> fl
     azimuths = np.degrees(np.arctan2(offsets[:, 0], offsets[:, 1]) - np.arctan2(world[0], world[1]))
     beside = np.abs((azimuths + 180.0) % 360.0 - 180.0)
     nearest = int(np.argmin(beside))
-    if beside[nearest] > CORNER_REACH:
+    if beside[nearest] > tuned.ceiling_corner:
         raise InputError(
             f"--ceiling-corner: the nearest floor corner is {beside[nearest]:.1f} degrees of azimuth away; click a "
-            f"ceiling corner within {CORNER_REACH:g} degrees of a corner of --floor"
+            f"ceiling corner within {tuned.ceiling_corner:g} degrees of a corner of --floor"
         )
     return float(pose.position[2] + np.linalg.norm(offsets[nearest]) * np.tan(np.radians(elevation)))
 
@@ -333,13 +338,13 @@ def ground(position: FloatArray, floor: float, radius: float) -> list[RealSurfac
     return [RealSurface("ground", _level(points, floor, faces), Role.SUPPORT)]
 
 
-def box(furniture: Furniture, pose: Pose, floor: float) -> list[RealSurface]:
+def box(furniture: Furniture, pose: Pose, floor: float, tuned: ClickParameters = DEFAULT.clicks) -> list[RealSurface]:
     """A piece of furniture that stands on the floor; three clicked corners are those of a parallelogram.
 
     Raises:
         InputError: its sides cross, or a click lies on the wrong side of the horizon.
     """
-    corners = _outline(furniture, pose, floor)
+    corners = _outline(furniture, pose, floor, tuned)
     top = floor + furniture.height
     lid = _level(corners, top, triangulate(corners))
     sides = _upright(corners, floor, top, closed=True)
@@ -351,23 +356,23 @@ def box(furniture: Furniture, pose: Pose, floor: float) -> list[RealSurface]:
     return [RealSurface(furniture.name, _joined([lid, sides]), Role.ENVIRONMENT)]
 
 
-def table(furniture: Furniture, pose: Pose, floor: float) -> list[RealSurface]:
+def table(furniture: Furniture, pose: Pose, floor: float, tuned: ClickParameters = DEFAULT.clicks) -> list[RealSurface]:
     """A table's top without its legs; three clicked corners are those of a parallelogram. It receives shadows.
 
     Raises:
         InputError: its sides cross, or a click lies on the wrong side of the horizon.
     """
-    corners = _outline(furniture, pose, floor)
+    corners = _outline(furniture, pose, floor, tuned)
     return [RealSurface(furniture.name, _level(corners, floor + furniture.height, triangulate(corners)), Role.SUPPORT)]
 
 
-def panel(furniture: Furniture, pose: Pose, floor: float) -> list[RealSurface]:
+def panel(furniture: Furniture, pose: Pose, floor: float, tuned: ClickParameters = DEFAULT.clicks) -> list[RealSurface]:
     """An upright sheet, like a screen or a curtain, over a clicked line; its front looks at the capture point.
 
     Raises:
         InputError: a click lies on the wrong side of the horizon.
     """
-    line = furniture.corners(pose, floor)
+    line = furniture.corners(pose, floor, tuned)
     across, seen_from = line[-1] - line[0], pose.position[:2] - line[0]
     if across[0] * seen_from[1] - across[1] * seen_from[0] > 0:
         line = line[::-1]
@@ -376,9 +381,9 @@ def panel(furniture: Furniture, pose: Pose, floor: float) -> list[RealSurface]:
     ]
 
 
-def _outline(furniture: Furniture, pose: Pose, floor: float) -> FloatArray:
+def _outline(furniture: Furniture, pose: Pose, floor: float, tuned: ClickParameters) -> FloatArray:
     """The corners counter-clockwise, the fourth of a parallelogram added where three were clicked."""
-    corners = furniture.corners(pose, floor)
+    corners = furniture.corners(pose, floor, tuned)
     if len(corners) == 3:
         corners = np.concatenate([corners, [corners[0] + corners[2] - corners[1]]])
     crossing = crossing_sides(corners)

@@ -12,19 +12,9 @@ from scipy import ndimage
 from lightdepth.directions import direction_to_latlong, pixel_directions, pixel_solid_angles
 from lightdepth.images.tonemapping import LUMINANCE
 from lightdepth.lightmap.file import LightDepthMap
+from lightdepth.parameters.reconstruction import DEFAULT, SourceParameters
 
 FloatArray = NDArray[np.float64]
-
-EDGE = 0.15
-"""A source ends where its luminance falls below this share of its brightest part."""
-BRIGHT = 3.0
-"""A source is at least this many times as bright as the map's mean."""
-LARGEST_WIDTH = 2048
-"""Wider maps are reduced: a lamp's place does not need more."""
-LONGEST_GLOW = 64
-"""Pixels around a source's core."""
-LARGEST_STEP = 1.15
-"""Neighbouring distances of a larger ratio belong to two sources."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +28,7 @@ class Source:
         size: longer and shorter side of the rectangle of its extent, metres; degrees for sky.
         share: part of all light that arrives at the capture point (luminance over the sphere), in [0, 1].
         luminance: mean radiance of its core, weighted with Rec.709's luminance.
-        pixels: its core's pixels, shape (h, 2 h), bool; h is at most 1024.
+        pixels: its core's pixels, shape (h, 2 h), bool, of the map or what it was reduced to.
         u: panorama coordinate of its middle, in [0, 1].
         v: panorama coordinate of its middle, in [0, 1].
     """
@@ -80,7 +70,9 @@ class Source:
         }
 
 
-def strongest_sources(light_depth_map: LightDepthMap, count: int = 10) -> list[Source]:
+def strongest_sources(
+    light_depth_map: LightDepthMap, count: int = 10, tuned: SourceParameters = DEFAULT.sources
+) -> list[Source]:
     """Find the strongest sources.
 
     From the brightest pixel on, a source is grown over neighbours that are nearly as bright and at nearly the same
@@ -90,36 +82,37 @@ def strongest_sources(light_depth_map: LightDepthMap, count: int = 10) -> list[S
     Args:
         light_depth_map: the map.
         count: how many, at most.
+        tuned: what a source is.
 
     Returns:
         The sources, strongest first; fewer where little stands out.
     """
-    light_depth_map = _reduced(light_depth_map)
+    light_depth_map = _reduced(light_depth_map, tuned.largest_width)
     depth = light_depth_map.depth.astype(np.float64)
     luminance = light_depth_map.radiance.astype(np.float64) @ LUMINANCE
     height, width = luminance.shape
     energy = luminance * pixel_solid_angles(height, width)[:, None]
     total = float(energy.sum())
-    left = luminance >= BRIGHT * total / (4.0 * np.pi)
+    left = luminance >= tuned.bright * total / (4.0 * np.pi)
     found: list[tuple[float, NDArray[np.bool_]]] = []
     # A speck may be brighter than a window: more are grown than asked for, and the strongest kept.
-    while left.any() and len(found) < 4 * count:
+    while left.any() and len(found) < tuned.grown * count:
         row, column = divmod(int(np.argmax(np.where(left, luminance, -1.0))), width)
         turn = width // 2 - column  # With the seed in the middle, no source crosses the panorama's edge.
         core, glow = _grown(
-            np.roll(luminance, turn, axis=1), np.roll(depth, turn, axis=1), np.roll(left, turn, axis=1), row
+            np.roll(luminance, turn, axis=1), np.roll(depth, turn, axis=1), np.roll(left, turn, axis=1), row, tuned
         )
         core, glow = np.roll(core, -turn, axis=1), np.roll(glow, -turn, axis=1)
         left &= ~(core | glow)
         found.append((float(energy[core | glow].sum()), core))
     found.sort(key=lambda item: -item[0])
-    return [_source(light_depth_map, core, energy, power / total) for power, core in found[:count]]
+    return [_source(light_depth_map, core, energy, power / total, tuned.flat) for power, core in found[:count]]
 
 
-def _reduced(light_depth_map: LightDepthMap) -> LightDepthMap:
-    """The map with at most ``LARGEST_WIDTH`` columns: of square blocks the mean radiance and the middle's distance."""
+def _reduced(light_depth_map: LightDepthMap, largest: int) -> LightDepthMap:
+    """The map with at most so many columns: of square blocks the mean radiance and the middle's distance."""
     height, width = light_depth_map.depth.shape
-    factor = next((k for k in range(-(-width // LARGEST_WIDTH), height + 1) if height % k == 0), 1)
+    factor = next((k for k in range(-(-width // largest), height + 1) if height % k == 0), 1)
     if factor == 1:
         return light_depth_map
     blocks = light_depth_map.radiance.reshape(height // factor, factor, width // factor, factor, 3)
@@ -128,7 +121,7 @@ def _reduced(light_depth_map: LightDepthMap) -> LightDepthMap:
 
 
 def _grown(
-    luminance: FloatArray, depth: FloatArray, left: NDArray[np.bool_], row: int
+    luminance: FloatArray, depth: FloatArray, left: NDArray[np.bool_], row: int, tuned: SourceParameters
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Core and glow of the source whose brightest pixel lies in a row's middle."""
     seed = (row, luminance.shape[1] // 2)
@@ -137,11 +130,11 @@ def _grown(
     here = labels[window] == labels[seed]
     seed = (seed[0] - window[0].start, seed[1] - window[1].start)
     luminance, depth = luminance[window], depth[window]
-    here &= _at_distance(depth, here, depth[seed])
-    cores, _ = ndimage.label(here & (luminance >= EDGE * luminance[seed]), np.ones((3, 3)))
+    here &= _at_distance(depth, here, depth[seed], tuned.largest_step)
+    cores, _ = ndimage.label(here & (luminance >= tuned.edge * luminance[seed]), np.ones((3, 3)))
     core = cores == cores[seed]
     whole = core.copy()
-    for _ in range(LONGEST_GLOW):
+    for _ in range(tuned.longest_glow):
         brightest_beside = ndimage.grey_dilation(np.where(whole, luminance, 0.0), (3, 3))
         more = here & ~whole & (luminance <= brightest_beside)
         if not more.any():
@@ -152,12 +145,12 @@ def _grown(
     return result[0], result[1]
 
 
-def _at_distance(depth: FloatArray, here: NDArray[np.bool_], seed: float) -> NDArray[np.bool_]:
-    """Pixels whose distance is joined to the seed's by other distances without a gap."""
+def _at_distance(depth: FloatArray, here: NDArray[np.bool_], seed: float, step: float) -> NDArray[np.bool_]:
+    """Pixels whose distance is joined to the seed's by other distances without a larger step."""
     if np.isinf(seed):
         return np.isinf(depth)
     distances = np.sort(depth[here & np.isfinite(depth)])
-    gaps = np.flatnonzero(distances[1:] > LARGEST_STEP * distances[:-1])
+    gaps = np.flatnonzero(distances[1:] > step * distances[:-1])
     at = int(np.searchsorted(distances, seed))
     nearest = distances[max([0, *(gaps[gaps < at] + 1)])]
     farthest = distances[min([len(distances) - 1, *gaps[gaps >= at]])]
@@ -169,6 +162,7 @@ def _source(
     pixels: NDArray[np.bool_],
     energy: FloatArray,
     share: float,
+    flat: float,
 ) -> Source:
     height, width = pixels.shape
     directions = pixel_directions(height, width)[pixels]
@@ -183,7 +177,7 @@ def _source(
         size = (float(across[0]), float(across[1]))
     else:
         points = depth[:, None] * directions
-        normal = _normal(points)
+        normal = _normal(points, flat)
         facing = np.maximum(np.abs(directions @ normal), 0.05)
         # A pixel covers the area z^2 dw / cos: so the middle is that of the lamp, not of its nearer half.
         area = depth**2 * angle / facing
@@ -208,13 +202,13 @@ def _source(
     )
 
 
-def _normal(points: FloatArray) -> FloatArray:
+def _normal(points: FloatArray, flat: float) -> FloatArray:
     """Normal of the plane through points, or the way to them where they are too few or not flat."""
     toward = points.mean(axis=0) / np.linalg.norm(points.mean(axis=0))
     if len(points) < 4:
         return toward
     spread, axes = np.linalg.eigh(np.cov(points.T))
-    return axes[:, 0] if spread[0] < 0.02 * spread[1] else toward
+    return axes[:, 0] if spread[0] < flat * spread[1] else toward
 
 
 def _sides(points: FloatArray, weights: FloatArray) -> FloatArray:

@@ -18,10 +18,17 @@ from numpy.typing import NDArray
 
 from lightdepth.errors import LightdepthError
 from lightdepth.packages import require_package
+from lightdepth.parameters.reconstruction import DEFAULT, PointParameters
 from lightdepth.scene.model import Mesh
 
 
-def poisson_surface(points: NDArray[np.float64], normals: NDArray[np.float64], cell: float, most_faces: int) -> Mesh:
+def poisson_surface(
+    points: NDArray[np.float64],
+    normals: NDArray[np.float64],
+    cell: float,
+    most_faces: int,
+    tuned: PointParameters = DEFAULT.points,
+) -> Mesh:
     """A closed surface through points.
 
     Args:
@@ -29,6 +36,7 @@ def poisson_surface(points: NDArray[np.float64], normals: NDArray[np.float64], c
         normals: unit, into the open, shape (n, 3).
         cell: size of the finest details, metres.
         most_faces: the surface is simplified to this many triangles (quadric edge collapse), where it has more.
+        tuned: the volume that the surface is reconstructed in, and how finely at most.
 
     Returns:
         Triangles that are counter-clockwise seen from the open.
@@ -39,11 +47,19 @@ def poisson_surface(points: NDArray[np.float64], normals: NDArray[np.float64], c
     """
     require_package("pymeshlab", "points")
     extent = float(np.ptp(points, axis=0).max())
-    depth = int(np.clip(np.round(np.log2(1.3 * extent / cell)), 5, 11))
+    halvings = np.round(np.log2(tuned.volume * extent / cell))
+    depth = int(np.clip(halvings, tuned.coarsest, tuned.finest))
     centre = points.mean(axis=0)  # PyMeshLab computes in single precision.
     with tempfile.TemporaryDirectory(prefix="lightdepth-") as folder:
         given, made = Path(folder) / "points.npz", Path(folder) / "surface.npz"
-        np.savez(given, points=points - centre, normals=normals, depth=depth, most_faces=most_faces)
+        np.savez(
+            given,
+            points=points - centre,
+            normals=normals,
+            depth=depth,
+            scale=tuned.volume,
+            most_faces=most_faces,
+        )
         # The child finds its modules where this process does.
         environment = {
             **os.environ,
@@ -72,11 +88,11 @@ def _reconstruct(given: Path, made: Path) -> None:
 
     with np.load(given) as data:
         cloud = pymeshlab.Mesh(vertex_matrix=data["points"], v_normals_matrix=data["normals"])
-        depth, most_faces = int(data["depth"]), int(data["most_faces"])
+        depth, scale, most_faces = int(data["depth"]), float(data["scale"]), int(data["most_faces"])
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(cloud)
     threads = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    meshes.generate_surface_reconstruction_screened_poisson(depth=depth, scale=1.3, preclean=True, threads=threads)
+    meshes.generate_surface_reconstruction_screened_poisson(depth=depth, scale=scale, preclean=True, threads=threads)
     # Where nothing was measured, the surface may swell out of the volume that it is computed in.
     meshes.meshing_close_holes(maxholesize=meshes.current_mesh().edge_number(), selfintersection=False)
     if meshes.current_mesh().face_number() > most_faces:

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import direction_to_latlong
 from lightdepth.errors import InputError
+from lightdepth.parameters.reconstruction import DEFAULT, ClickParameters
 
 FloatArray = NDArray[np.float64]
-
-HORIZON = 0.5
-"""A click on the floor lies at least this many degrees below the horizon, one on the ceiling as many above."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,9 @@ class Pose:
         return direction_to_latlong((points - self.position) @ self.rotation)
 
 
-def on_level(directions: FloatArray, pose: Pose, height: float, what: str) -> FloatArray:
+def on_level(
+    directions: FloatArray, pose: Pose, height: float, what: str, tuned: ClickParameters = DEFAULT.clicks
+) -> FloatArray:
     """Where clicked directions meet a horizontal plane.
 
     Args:
@@ -45,6 +45,7 @@ def on_level(directions: FloatArray, pose: Pose, height: float, what: str) -> Fl
         pose: of the panorama.
         height: of the plane, world z, metres.
         what: the option, for messages.
+        tuned: how far from the horizon clicks must lie.
 
     Returns:
         World x and y, metres, shape (n, 2).
@@ -56,7 +57,7 @@ def on_level(directions: FloatArray, pose: Pose, height: float, what: str) -> Fl
     rise = height - pose.position[2]
     elevation = np.degrees(np.arcsin(np.clip(world[:, 2], -1.0, 1.0)))
     for i, angle in enumerate(elevation):
-        if angle * np.sign(rise) < HORIZON:
+        if angle * np.sign(rise) < tuned.horizon:
             side = "below" if rise < 0 else "above"
             raise InputError(
                 f"{what}: click {i + 1} looks {angle:+.1f} degrees from the horizon, but the plane at height "

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lightdepth.images.png import write_png
 from lightdepth.images.writing import check_writable
+from lightdepth.parameters.reconstruction import DEFAULT, ReviewParameters
 from lightdepth.reconstruction.check_picture import draw_check_picture
 from lightdepth.reconstruction.coverage import Coverage, enclosing_shell, measure_coverage
 from lightdepth.reconstruction.floor import Plane
@@ -69,6 +70,7 @@ def closed(
     floor: Plane | None = None,
     *,
     open_from_elsewhere: bool = False,
+    tuned: ReviewParameters = DEFAULT.review,
 ) -> Reconstruction:
     """Measure what the surfaces cover, and close what they leave open with an enclosing shell.
 
@@ -79,18 +81,24 @@ def closed(
         floor: for the report.
         open_from_elsewhere: the surfaces have gaps that the capture point does not see; where nothing is sky, these are
             closed as well.
+        tuned: how coverage is measured, and where the shell stands.
     """
     surfaces = list(surfaces)
-    before = after = measure_coverage(surfaces, panorama.pose, sky)
+    before = after = measure_coverage(surfaces, panorama.pose, sky, tuned)
     no_sky = not np.any(sky)
     if no_sky and (before.open > 0.0 or open_from_elsewhere):
-        surfaces.append(enclosing_shell(surfaces, panorama.pose))
-        after = measure_coverage(surfaces, panorama.pose, sky)
+        surfaces.append(enclosing_shell(surfaces, panorama.pose, tuned))
+        after = measure_coverage(surfaces, panorama.pose, sky, tuned)
     return Reconstruction(surfaces, before, after, floor)
 
 
 def save(
-    reconstruction: Reconstruction, panorama: PosedPanorama, folder: Path, scene: Path | None, picture: Path | None
+    reconstruction: Reconstruction,
+    panorama: PosedPanorama,
+    folder: Path,
+    scene: Path | None,
+    picture: Path | None,
+    tuned: ReviewParameters = DEFAULT.review,
 ) -> None:
     """Write the meshes, the scene file's entries and the check picture; nothing, where one of them cannot be made.
 
@@ -100,6 +108,7 @@ def save(
         folder: of the meshes; it is made where it is missing.
         scene: the scene file to put the ``[[real]]`` tables into, or to begin.
         picture: the PNG file of the check picture.
+        tuned: which poses are the same, and which edges are drawn.
 
     Raises:
         InputError: a file cannot be written, or the scene file is wrong.
@@ -110,9 +119,13 @@ def save(
     content = (
         None
         if scene is None
-        else with_surfaces(scene, panorama, reconstruction.surfaces, folder, reconstruction.after.sky > 0.0)
+        else with_surfaces(scene, panorama, reconstruction.surfaces, folder, reconstruction.after.sky > 0.0, tuned)
     )
-    drawn = None if picture is None else draw_check_picture(panorama.radiance, reconstruction.surfaces, panorama.pose)
+    drawn = (
+        None
+        if picture is None
+        else draw_check_picture(panorama.radiance, reconstruction.surfaces, panorama.pose, tuned)
+    )
     write_meshes(reconstruction.surfaces, folder)
     if picture is not None and drawn is not None:
         write_png(picture, drawn)

@@ -14,28 +14,8 @@ from numpy.typing import NDArray
 
 from lightdepth.calibration.room_frame import RoomFrame
 from lightdepth.directions import FloatArray
-from lightdepth.reconstruction.room_evidence import CORNERS, RoomEvidence, cells
-
-POINTS = 24
-"""Looked up along each edge of the box at its end."""
-CLOSE_BESIDE = 0.6
-"""Degrees on either side of an edge at which colours are compared at the end."""
-SMALL_DIFFERENCE = 0.06
-"""Differences of colour (natural logarithm) that mean little there."""
-USUAL_HEIGHT, HEIGHT_SPREAD, HEIGHT_WEIGHT = 2.75, 0.25, 11.5
-"""Metres from floor to ceiling, the spread of its logarithm, and the weight of the expectation."""
-LOWEST, LOWEST_SPREAD, LOWEST_WEIGHT = 2.3, 0.06, 4.0
-"""Metres below which rooms are rare; how soon (natural logarithm), and the weight."""
-MIDDLE_WEIGHT = 20.0
-"""Weight of the expectation that the camera stands about as far from all walls (squares of logarithms)."""
-WALLS, CEILINGS = np.geomspace(0.3, 9.0, 110), np.geomspace(0.3, 3.6, 60)
-"""Distances of walls and of the ceiling that are tried, camera heights."""
-PAIRS, STARTS = 8, 12
-"""Pairs of walls along x that are followed for each ceiling; boxes from which the search goes on by small steps."""
-NEAR = 0.04
-"""By how much (natural logarithm) edges are moved at the end, at most."""
-GUESSED = 0.4
-"""From this share of evidence on, a box is taken for the room."""
+from lightdepth.parameters.reconstruction import DEFAULT, BoxParameters
+from lightdepth.reconstruction.room_evidence import CORNERS, RoomEvidence
 
 
 @dataclass(frozen=True)
@@ -46,61 +26,65 @@ class RoomBox:
         low: its least coordinates in the room's frame seen from the capture point, camera heights, shape (3,).
         high: its greatest coordinates, likewise.
         evidence: share of the length of its edges, as seen, along which the picture shows an edge, in [0, 1].
+        is_likely: whether that is enough to take the box for the room.
     """
 
     low: FloatArray
     high: FloatArray
     evidence: float
-
-    @property
-    def is_likely(self) -> bool:
-        """Whether the picture shows enough of the box's edges."""
-        return self.evidence >= GUESSED
+    is_likely: bool
 
 
-def fit_room_box(radiance: NDArray[np.float32], frame: RoomFrame, camera_height: float) -> RoomBox:
+def fit_room_box(
+    radiance: NDArray[np.float32], frame: RoomFrame, camera_height: float, tuned: BoxParameters = DEFAULT.box
+) -> RoomBox:
     """Find the box whose edges the picture shows best.
 
     Args:
         radiance: the panorama, linear RGB, shape (height, 2 height, 3).
         frame: the room's directions and the straight edges found in the picture.
         camera_height: of the capture point above the floor, metres; with it a ceiling of usual height is expected.
+        tuned: what counts as evidence, what is expected, and how it is searched.
     """
-    evidence = RoomEvidence(radiance, frame)
+    evidence = RoomEvidence(radiance, frame, tuned)
     box = _settle(evidence, _search(evidence, camera_height))
     left, right, back, front, ceiling = box
     shown, angles = _shown(evidence, box[None])
     share = float(np.average(shown[0], weights=angles[0]))
-    return RoomBox(np.array([-left, -back, -1.0]), np.array([right, front, ceiling]), share)
+    return RoomBox(np.array([-left, -back, -1.0]), np.array([right, front, ceiling]), share, share >= tuned.likely)
 
 
-def _usual_height(ceiling: FloatArray, camera_height: float) -> FloatArray:
+def _usual_height(ceiling: FloatArray, camera_height: float, tuned: BoxParameters) -> FloatArray:
     """What is usual of the heights of rooms, in the units of the evidence, shape of ``ceiling``."""
     height = (1.0 + ceiling) * camera_height
-    unusual = HEIGHT_WEIGHT * np.log1p((np.log(height / USUAL_HEIGHT) / HEIGHT_SPREAD) ** 2)
-    low = np.maximum(np.log(LOWEST / height) / LOWEST_SPREAD, 0.0)
-    return -np.asarray(unusual + LOWEST_WEIGHT * np.minimum(low**2, 12.0))
+    unusual = tuned.height_weight * np.log1p((np.log(height / tuned.usual_height) / tuned.height_spread) ** 2)
+    low = np.maximum(np.log(tuned.low_height / height) / tuned.low_spread, 0.0)
+    return -np.asarray(unusual + tuned.low_weight * np.minimum(low**2, 12.0))
 
 
-def _aside(one: FloatArray, other: FloatArray) -> FloatArray:
+def _aside(one: FloatArray, other: FloatArray, weight: float) -> FloatArray:
     """The same of the distances of two walls; a sum over all pairs is over the squares of what each is off the mean."""
-    return np.asarray(-0.25 * MIDDLE_WEIGHT * np.log(one / other) ** 2)
+    return np.asarray(-0.25 * weight * np.log(one / other) ** 2)
 
 
 def _search(evidence: RoomEvidence, camera_height: float) -> FloatArray:
     """The best box of a grid, then by small steps from it and from the best for other heights of the ceiling."""
+    tuned = evidence.tuned
 
     def scores(boxes: FloatArray) -> FloatArray:
-        asides = sum(_aside(boxes[:, one], boxes[:, other]) for one, other in combinations(range(4), 2))
-        return np.asarray(evidence.scores(boxes) + _usual_height(boxes[:, 4], camera_height) + asides)
+        asides = sum(
+            _aside(boxes[:, one], boxes[:, other], tuned.middle_weight) for one, other in combinations(range(4), 2)
+        )
+        return np.asarray(evidence.scores(boxes) + _usual_height(boxes[:, 4], camera_height, tuned) + asides)
 
-    found = np.concatenate([_best_walls(evidence, ceiling) for ceiling in CEILINGS])
+    ceilings = np.geomspace(tuned.lowest_ceiling, tuned.highest_ceiling, tuned.ceilings)
+    found = np.concatenate([_best_walls(evidence, ceiling) for ceiling in ceilings])
     random = np.random.default_rng(0)
     best = []
-    for start in found[np.argsort(-scores(found))[:STARTS]]:
+    for start in found[np.argsort(-scores(found))[: tuned.starts]]:
         box = start
         for size in 0.05 * 0.75 ** np.arange(8):
-            steps = random.normal(0.0, size, (600, 5)) + random.normal(0.0, size, (600, 1))
+            steps = random.normal(0.0, size, (tuned.tries, 5)) + random.normal(0.0, size, (tuned.tries, 1))
             tried = np.concatenate([box[None], box * np.exp(steps)])
             value = scores(tried)
             box = tried[np.argmax(value)]
@@ -114,20 +98,22 @@ def _best_walls(evidence: RoomEvidence, ceiling: float) -> FloatArray:
     A box's score is a sum over its corners, each of which depends on two walls: for every pair of walls along x, the best
     walls at -y and at +y are found independently of each other.
     """
-    one, other = WALLS[:, None], WALLS[None]
-    apart = _aside(one, other)
+    tuned = evidence.tuned
+    walls = np.geomspace(tuned.nearest_wall, tuned.farthest_wall, tuned.walls)
+    one, other = walls[:, None], walls[None]
+    apart = _aside(one, other, tuned.middle_weight)
     corners = [
         (evidence.corner(x, y, one, other, np.full((1, 1), ceiling)) + apart).astype(np.float32) for x, y in CORNERS
     ]
     left_back, right_back, right_front, left_front = corners
     back, front = left_back[:, None] + right_back, left_front[:, None] + right_front
     value = back.max(axis=-1) + front.max(axis=-1) + apart
-    left, right = np.unravel_index(np.argsort(-value, axis=None)[:PAIRS], value.shape)
+    left, right = np.unravel_index(np.argsort(-value, axis=None)[: tuned.pairs], value.shape)
     # What is usual of the walls along y together is not a sum over corners.
     both = back[left, right][:, :, None] + front[left, right][:, None] + apart
-    at_back, at_front = np.unravel_index(both.reshape(PAIRS, -1).argmax(axis=1), apart.shape)
-    walls = [WALLS[index] for index in (left, right, at_back, at_front)]
-    return np.stack([*walls, np.full(PAIRS, ceiling)], axis=1)
+    at_back, at_front = np.unravel_index(both.reshape(len(left), -1).argmax(axis=1), apart.shape)
+    best = [walls[index] for index in (left, right, at_back, at_front)]
+    return np.stack([*best, np.full(len(left), ceiling)], axis=1)
 
 
 def _settle(evidence: RoomEvidence, start: FloatArray) -> FloatArray:
@@ -140,9 +126,9 @@ def _settle(evidence: RoomEvidence, start: FloatArray) -> FloatArray:
         ]
     )
     steps = np.concatenate([np.zeros((1, 5)), directions, -directions])
-    box, size = start, 0.02
+    box, size, farthest = start, 0.02, evidence.tuned.settled
     while size > 0.002:
-        tried = np.clip(box * np.exp(size * steps), start * np.exp(-NEAR), start * np.exp(NEAR))
+        tried = np.clip(box * np.exp(size * steps), start * np.exp(-farthest), start * np.exp(farthest))
         shown, angles = _shown(evidence, tried, together=False)
         best = int(np.argmax((shown * angles).sum(axis=1)))
         if best:
@@ -157,21 +143,24 @@ def _shown(evidence: RoomEvidence, boxes: FloatArray, together: bool = True) -> 
 
     With ``together`` the better of found edges and differing colours, in [0, 1], else their sum.
     """
+    tuned = evidence.tuned
     ends = _ends(boxes)
     angles = np.arccos(np.clip(np.sum(ends[:, :, 0] * ends[:, :, 1], axis=-1), -1.0, 1.0))
-    share = (np.arange(POINTS) + 0.5) / POINTS
+    share = (np.arange(tuned.settled_points) + 0.5) / tuned.settled_points
     sine = np.maximum(np.sin(angles), 1e-9)[..., None]
     first, second = (np.sin(part * angles[..., None]) / sine for part in (1.0 - share, share))
     points = first[..., None] * ends[:, :, None, 0] + second[..., None] * ends[:, :, None, 1]
-    arcs = evidence.edges[(_AXIS[None, :, None], *cells(points))].mean(axis=-1)
+    arcs = evidence.edges[(_AXIS[None, :, None], *evidence.cells(points))].mean(axis=-1)
     across = np.cross(ends[:, :, 0], ends[:, :, 1])
-    across *= np.tan(np.radians(CLOSE_BESIDE)) / np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-12)
-    one, other = (evidence.colours[cells(points + sign * across[:, :, None])] for sign in (1.0, -1.0))
+    across *= np.tan(np.radians(tuned.settled_beside)) / np.maximum(
+        np.linalg.norm(across, axis=-1, keepdims=True), 1e-12
+    )
+    one, other = (evidence.colours[evidence.cells(points + sign * across[:, :, None])] for sign in (1.0, -1.0))
     step = one - other
     usual = np.median(step, axis=2)
     unsteady = np.median(np.abs(step - usual[:, :, None]).sum(axis=-1), axis=2)
     size = np.abs(usual).sum(axis=-1)
-    colours = size / (size + unsteady + SMALL_DIFFERENCE)
+    colours = size / (size + unsteady + tuned.settled_small_step)
     return np.maximum(arcs, colours) if together else arcs + colours, angles
 
 

@@ -24,42 +24,10 @@ from scipy.ndimage import gaussian_filter, uniform_filter1d
 from lightdepth.calibration.room_frame import RoomFrame
 from lightdepth.directions import FloatArray, direction_to_latlong, pixel_directions
 from lightdepth.images.tonemapping import LUMINANCE
+from lightdepth.parameters.reconstruction import DEFAULT, BoxParameters
 
-HEIGHT = 512
-"""Rows of the maps that are looked up."""
-SPREAD = 0.6
-"""Degrees (standard deviation) that a found edge may be off for it to count partly."""
-LONG = 10.0
-"""Degrees of length from which a found edge counts fully."""
-BESIDE = 1.1
-"""Degrees between the places at which colours are compared."""
-SMALL_DIFFERENCE = 0.025
-"""Differences of colour (natural logarithm) that mean little."""
-ALONG = 15
-"""Degrees along an edge over which its step of colour is compared with itself."""
-CORRELATED = 4.0
-"""Degrees over which evidence counts as one observation."""
-HIDDEN_BELOW, HIDDEN_ABOVE, HIDDEN_UPRIGHT = 0.6, 0.25, 0.5
-"""Probability that an edge of the room is not seen, on the floor, at the ceiling, and upright."""
-VISIBLE = 0.8
-"""Probability that an edge which is seen is found."""
-RAREST = 0.06
-"""Edges are not taken for rarer than this; one that is found by chance must not decide alone."""
-CEILING_WEIGHT, UPRIGHT_WEIGHT = 1.5, 0.5
-ABOVE_HORIZON, BELOW_HORIZON = 1.5, 0.8
-"""Weight of contradictions above and below the horizon, where there is more furniture."""
-ON_CEILING, ON_FLOOR = 0.5, 0.25
-"""Share of a contradiction that an upright edge on the ceiling or on the floor is: a hanging lamp, or a leg of a table."""
-CONTRADICTION, AGREEMENT = np.log(0.05 / 0.33), np.log(0.95 / 0.67)
-OWN, WALLS, BESIDE_FLOOR = 40.0, 30.0, 5.0
-"""Degrees of elevation from which colours are those of the floor or ceiling, and up to which those of walls."""
-BELOW_SIDES, ABOVE_SIDES, AREAS = 0.8, 0.5, 0.3
-"""Weights of the colours on the sides of floor edges, of ceiling edges, and of areas."""
 ANGLES = np.radians(np.arange(-87.5, 88.0, 1.0))
 """Azimuths within a wall, from its normal."""
-DISTANCES = np.geomspace(0.25, 10.0, 140)
-RATIOS = np.geomspace(0.12, 30.0, 200)
-"""Distances of walls, and distances over the ceiling's height above the camera, both in the tables."""
 CORNERS = ((0, 2), (1, 2), (1, 3), (0, 3))
 """Walls that meet, in the order -x, +x, -y, +y."""
 NORMALS = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
@@ -71,16 +39,27 @@ class RoomEvidence:
     """The tables of one panorama.
 
     Boxes are (n, 5) arrays: distances of the walls at -x, +x, -y, +y, and of the ceiling, in camera heights.
+
+    Args:
+        radiance: the panorama, linear RGB, shape (height, 2 height, 3).
+        frame: the room's directions and the straight edges found in the picture.
+        tuned: what counts as evidence, and how much.
     """
 
-    def __init__(self, radiance: NDArray[np.float32], frame: RoomFrame) -> None:
-        self.edges = _edge_maps(frame)
-        self.colours = cv2.blur(_colour_map(radiance, frame), (3, 3))
-        upright = self._upright(HIDDEN_UPRIGHT)
-        below = self._edge_tables(DISTANCES, -1.0, HIDDEN_BELOW, BELOW_SIDES)
-        above = CEILING_WEIGHT * self._edge_tables(RATIOS, 1.0, HIDDEN_ABOVE, ABOVE_SIDES / CEILING_WEIGHT)
+    def __init__(self, radiance: NDArray[np.float32], frame: RoomFrame, tuned: BoxParameters = DEFAULT.box) -> None:
+        self.tuned = tuned
+        self.edges = _edge_maps(frame, tuned)
+        self.colours = cv2.blur(_colour_map(radiance, frame, tuned.rows), (3, 3))
+        # Distances of walls, and distances over the ceiling's height above the camera.
+        self._distances = np.geomspace(tuned.least_distance, tuned.greatest_distance, tuned.distances)
+        self._ratios = np.geomspace(tuned.least_ratio, tuned.greatest_ratio, tuned.ratios)
+        upright = self._upright(tuned.hidden_upright)
+        below = self._edge_tables(self._distances, -1.0, tuned.hidden_below, tuned.below_sides)
+        above = tuned.above_weight * self._edge_tables(
+            self._ratios, 1.0, tuned.hidden_above, tuned.above_sides / tuned.above_weight
+        )
         above, below = self._add_contradictions(frame, above, below)
-        for sign, grid, table in ((-1.0, DISTANCES, below), (1.0, RATIOS, above)):
+        for sign, grid, table in ((-1.0, self._distances, below), (1.0, self._ratios, above)):
             self._add_areas(sign, grid, table)
         self._below, self._above, self._uprights = (_running_sum(table) for table in (below, above, upright))
 
@@ -105,8 +84,8 @@ class RoomEvidence:
         total = self._upright_sum(side_x * along_x, side_y * along_y, ceiling)
         for wall, distance, side, end in ((x, along_x, side_y, along_y), (y, along_y, side_x, along_x)):
             angle = np.rint(np.degrees(np.arctan2(side * end, distance)) + 88.0).astype(int).clip(0, len(ANGLES))
-            total += side * self._below[wall, _rows(DISTANCES, distance), angle]
-            total += side * self._above[wall, _rows(RATIOS, distance / ceiling), angle]
+            total += side * self._below[wall, _rows(self._distances, distance), angle]
+            total += side * self._above[wall, _rows(self._ratios, distance / ceiling), angle]
         return total
 
     def _upright_sum(self, x: FloatArray, y: FloatArray, ceiling: FloatArray) -> FloatArray:
@@ -119,19 +98,21 @@ class RoomEvidence:
 
     def _edge_tables(self, grid: FloatArray, up: float, hidden: float, sides: float) -> FloatArray:
         """Evidence of floor (``up`` = -1) or ceiling edges by wall, distance and azimuth."""
-        near = self._likeness(up, (-40.0, BESIDE_FLOOR))
+        tuned = self.tuned
+        near = self._likeness(up, (-tuned.beside_other, tuned.beside_own))
         found, steps, lengths, elevations, around = [], [], [], [], []
         for wall in range(4):
             tangent = TANGENTS[wall]
             points = _unit(grid[:, None, None] * (NORMALS[wall] + np.tan(ANGLES)[None, :, None] * tangent) + up * UP)
             lengths.append(np.linalg.norm(np.gradient(points, axis=1), axis=-1))
             elevations.append((np.degrees(np.arcsin(np.abs(points[..., 2]))) / 5.0).astype(int).clip(0, 17))
-            found.append(self.edges[1 if wall < 2 else 0][cells(points)])
-            across = _unit(np.cross(np.broadcast_to(tangent, points.shape), points)) * np.tan(np.radians(BESIDE))
-            steps.append(self._steady_step([cells(points + offset * across) for offset in (-1.5, -0.5, 0.5, 1.5)]))
+            found.append(self.edges[1 if wall < 2 else 0][self.cells(points)])
+            across = _unit(np.cross(np.broadcast_to(tangent, points.shape), points)) * np.tan(np.radians(tuned.beside))
+            steps.append(self._steady_step([self.cells(points + offset * across) for offset in (-1.5, -0.5, 0.5, 1.5)]))
             inward = np.where((points + across)[..., 2] * up > points[..., 2] * up, 1.0, -1.0)[..., None] * across
             inside, outside = (
-                0.5 * sum(near[cells(points + sign * offset * inward)] for offset in (0.8, 2.0)) for sign in (1.0, -1.0)
+                0.5 * sum(near[self.cells(points + sign * offset * inward)] for offset in (0.8, 2.0))
+                for sign in (1.0, -1.0)
             )
             around.append(
                 np.clip(np.log(2.0 * inside + 1e-3), -0.4, 0.7)
@@ -140,16 +121,16 @@ class RoomEvidence:
         weights, bands = np.stack(lengths), np.stack(elevations)
         arcs, colours = np.stack(found), np.stack(steps)
         rates = (_by_band(values, weights, bands)[bands] for values in (arcs, colours))
-        evidence = _odds(arcs, next(rates), hidden) + _step_odds(colours, next(rates)) + sides * np.stack(around)
-        return np.asarray(evidence * weights / np.radians(CORRELATED))
+        evidence = self._odds(arcs, next(rates), hidden) + _step_odds(colours, next(rates)) + sides * np.stack(around)
+        return np.asarray(evidence * weights / np.radians(tuned.correlated))
 
     def _upright(self, hidden: float) -> FloatArray:
         """Evidence of upright edges by azimuth (half degrees) and elevation (degrees from -80)."""
         azimuth, elevation = np.radians(np.arange(0.0, 360.0, 0.5)), np.radians(np.arange(-80.0, 80.0))
 
         def at(offset: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-            turned = azimuth + offset * np.radians(BESIDE)
-            return cells(
+            turned = azimuth + offset * np.radians(self.tuned.beside)
+            return self.cells(
                 np.stack(
                     [
                         np.sin(turned)[:, None] * np.cos(elevation),
@@ -163,22 +144,24 @@ class RoomEvidence:
         arcs = self.edges[2][at(0.0)]
         steps = self._steady_step([at(offset) for offset in (-1.5, -0.5, 0.5, 1.5)])
         middle = np.abs(elevation) < np.radians(40.0)
-        evidence = _odds(arcs, arcs[:, middle].mean(), hidden) + _step_odds(steps, steps[:, middle].mean())
-        return np.asarray(UPRIGHT_WEIGHT * evidence / CORRELATED)
+        evidence = self._odds(arcs, arcs[:, middle].mean(), hidden) + _step_odds(steps, steps[:, middle].mean())
+        return np.asarray(self.tuned.upright_weight * evidence / self.tuned.correlated)
 
     def _steady_step(self, places: list[tuple[NDArray[np.intp], NDArray[np.intp]]]) -> FloatArray:
         """How clear and even a step of colour is between the second and the third of four places, in [0, 1]."""
+        along = self.tuned.along
         first, second, third, fourth = (self.colours[place] for place in places)
         # Light slopes on both sides as well; only what is more than that is an edge.
         step = (third - second) - 0.5 * ((fourth - third) + (second - first))
-        usual = uniform_filter1d(step, ALONG, axis=1, mode="nearest")
-        unsteady = uniform_filter1d(np.abs(step - usual).sum(axis=-1), ALONG, axis=1, mode="nearest")
+        usual = uniform_filter1d(step, along, axis=1, mode="nearest")
+        unsteady = uniform_filter1d(np.abs(step - usual).sum(axis=-1), along, axis=1, mode="nearest")
         size = np.abs(usual).sum(axis=-1)
-        return np.asarray(size / (size + unsteady + SMALL_DIFFERENCE))
+        return np.asarray(size / (size + unsteady + self.tuned.small_step))
 
     def _likeness(self, up: float, others: tuple[float, float]) -> NDArray[np.float32]:
         """Probability of the colours of floor or ceiling rather than those of other elevations, shape (h, 2h)."""
-        elevation = (90.0 - (np.arange(HEIGHT) + 0.5) * 180.0 / HEIGHT)[:, None] * np.ones((1, 2 * HEIGHT))
+        rows, wall_colours = self.tuned.rows, self.tuned.wall_colours
+        elevation = (90.0 - (np.arange(rows) + 0.5) * 180.0 / rows)[:, None] * np.ones((1, 2 * rows))
         steps = np.rint(self.colours / np.array([0.25, 0.15, 0.15])).astype(int)
         steps -= steps.min(axis=(0, 1))
         shape = tuple(steps.max(axis=(0, 1)) + 1)
@@ -186,9 +169,11 @@ class RoomEvidence:
         histograms = []
         turned = up * elevation
         walls = (
-            (turned > others[0]) & (turned < others[1]) if others[0] < 0.0 else (elevation > 0) & (elevation < WALLS)
+            (turned > others[0]) & (turned < others[1])
+            if others[0] < 0.0
+            else (elevation > 0) & (elevation < wall_colours)
         )
-        for chosen in (turned > OWN, walls):
+        for chosen in (turned > self.tuned.own_colours, walls):
             weights = np.cos(np.radians(elevation[chosen]))
             counts = np.bincount(index[chosen], weights, int(np.prod(shape))).reshape(shape)
             histograms.append(gaussian_filter(counts, 0.7) / max(float(counts.sum()), 1e-12))
@@ -199,17 +184,19 @@ class RoomEvidence:
         self, frame: RoomFrame, above: FloatArray, below: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Add what found edges say of the surfaces that they would lie on."""
-        points, axes, weights = _edge_points(frame)
+        tuned = self.tuned
+        contradiction, agreement = np.log(tuned.contradiction), np.log(tuned.agreement)
+        points, axes, weights = _edge_points(frame, tuned)
         for wall in range(4):
             forward = points @ NORMALS[wall]
             azimuth = np.degrees(np.arctan2(points @ TANGENTS[wall], forward))
             column = (azimuth + 88.0).astype(int).clip(0, len(ANGLES) - 1)
-            on_wall = np.where(axes == (0 if wall < 2 else 1), CONTRADICTION, AGREEMENT)
-            for is_above, grid, table in ((True, RATIOS, above), (False, DISTANCES, below)):
+            on_wall = np.where(axes == (0 if wall < 2 else 1), contradiction, agreement)
+            for is_above, grid, table in ((True, self._ratios, above), (False, self._distances, below)):
                 here = (np.abs(azimuth) < 88.0) & ((points[:, 2] > 0.0) == is_above)
-                weight = (ABOVE_HORIZON if is_above else BELOW_HORIZON) * weights[here]
-                share = ON_CEILING if is_above else ON_FLOOR
-                on_level = np.where(axes[here] == 2, share * CONTRADICTION, AGREEMENT)
+                weight = (tuned.above_horizon if is_above else tuned.below_horizon) * weights[here]
+                share = tuned.on_ceiling if is_above else tuned.on_floor
+                on_level = np.where(axes[here] == 2, share * contradiction, agreement)
                 # Of a wall farther away than this, the edge lies in front: on the ceiling or the floor.
                 limit = forward[here] / np.maximum(np.abs(points[here, 2]), 1e-9)
                 change = np.zeros((len(grid) + 1, len(ANGLES)))
@@ -221,25 +208,36 @@ class RoomEvidence:
 
     def _add_areas(self, up: float, grid: FloatArray, table: FloatArray) -> None:
         """Add whether floor or ceiling, and the walls beside them, have their colours."""
-        likeness = self._likeness(up, (0.0, WALLS))
+        likeness = self._likeness(up, (0.0, self.tuned.wall_colours))
         elevation = np.radians(np.arange(0.5, 90.0))
         edge = np.rint(np.degrees(np.arctan(np.cos(ANGLES) / grid[:, None]))).astype(int).clip(0, 90)
         column = np.arange(len(ANGLES))[None]
         for wall in range(4):
             level = np.cos(ANGLES)[:, None] * NORMALS[wall] + np.sin(ANGLES)[:, None] * TANGENTS[wall]
             points = np.cos(elevation)[:, None] * level[:, None] + up * np.sin(elevation)[:, None] * UP
-            share = likeness[cells(points)]
-            area = AREAS * np.cos(elevation) / CORRELATED**2
+            share = likeness[self.cells(points)]
+            area = self.tuned.areas * np.cos(elevation) / self.tuned.correlated**2
             flat, upright = (
                 _running_sum(np.clip(np.log(2.0 * part + 0.02), -1.5, 0.5) * area) for part in (share, 1.0 - share)
             )
             table[wall] += flat[column, 90] - flat[column, edge] + upright[column, edge]
 
+    def cells(self, directions: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns of the maps at directions of the room frame."""
+        return _cells(directions, self.tuned.rows)
 
-def cells(directions: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Rows and columns of the maps at directions of the room frame."""
+    def _odds(self, found: FloatArray, rate: FloatArray | float, hidden: float) -> FloatArray:
+        """Logarithm of the odds that an edge of the room is there, by whether one is found where they are as rare."""
+        seen = self.tuned.found
+        usual = np.clip(rate, self.tuned.rarest, 0.9)
+        there = np.log(hidden + (1.0 - hidden) * seen / usual)
+        missing = np.log(hidden + (1.0 - hidden) * (1.0 - seen) / (1.0 - usual))
+        return np.where(usual > seen, 0.0, found * there + (1.0 - found) * missing)
+
+
+def _cells(directions: FloatArray, rows: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     u, v = direction_to_latlong(_unit(directions))
-    return (v * HEIGHT).astype(int).clip(0, HEIGHT - 1), (u * 2 * HEIGHT).astype(int) % (2 * HEIGHT)
+    return (v * rows).astype(int).clip(0, rows - 1), (u * 2 * rows).astype(int) % (2 * rows)
 
 
 def _rows(grid: FloatArray, values: FloatArray) -> NDArray[np.intp]:
@@ -257,16 +255,8 @@ def _running_sum(table: FloatArray) -> FloatArray:
     return np.concatenate([np.zeros((*table.shape[:-1], 1)), np.cumsum(table, axis=-1)], axis=-1)
 
 
-def _odds(found: FloatArray, rate: FloatArray | float, hidden: float) -> FloatArray:
-    """Logarithm of the odds that an edge of the room is there, by whether one is found where they are usually as rare."""
-    usual = np.clip(rate, RAREST, 0.9)
-    there = np.log(hidden + (1.0 - hidden) * VISIBLE / usual)
-    missing = np.log(hidden + (1.0 - hidden) * (1.0 - VISIBLE) / (1.0 - usual))
-    return np.where(usual > VISIBLE, 0.0, found * there + (1.0 - found) * missing)
-
-
 def _step_odds(step: FloatArray, rate: FloatArray | float) -> FloatArray:
-    """The same for steps of colour, roughly."""
+    """What :meth:`RoomEvidence._odds` is for edges, for steps of colour, roughly."""
     return np.clip(4.0 * (step - np.maximum(rate, 0.2) - 0.1), -0.7, 2.0)
 
 
@@ -277,7 +267,7 @@ def _by_band(values: FloatArray, weights: FloatArray, bands: NDArray[np.int_]) -
     return np.asarray(top / np.maximum(bottom, 1e-9))
 
 
-def _edge_points(frame: RoomFrame) -> tuple[FloatArray, NDArray[np.int_], FloatArray]:
+def _edge_points(frame: RoomFrame, tuned: BoxParameters) -> tuple[FloatArray, NDArray[np.int_], FloatArray]:
     """Points every degree along the found edges, room frame, the axis that each lies along, and its weight."""
     points, axes, weights = [np.zeros((0, 3))], [np.zeros(0, int)], [np.zeros(0)]
     for ends, axis, length in zip(frame.arcs.ends, frame.axis, np.degrees(frame.arcs.length), strict=True):
@@ -287,35 +277,39 @@ def _edge_points(frame: RoomFrame) -> tuple[FloatArray, NDArray[np.int_], FloatA
         share = ((np.arange(count) + 0.5) / count)[:, None]
         points.append(_unit(((1.0 - share) * ends[0] + share * ends[1]) @ frame.rotation.T))
         axes.append(np.full(count, axis))
-        weights.append(np.full(count, length / count * min(1.0, length / 8.0) / CORRELATED))
+        weights.append(np.full(count, length / count * min(1.0, length / tuned.long_contradiction) / tuned.correlated))
     return np.concatenate(points), np.concatenate(axes), np.concatenate(weights)
 
 
-def _edge_maps(frame: RoomFrame) -> NDArray[np.float32]:
+def _edge_maps(frame: RoomFrame, tuned: BoxParameters) -> NDArray[np.float32]:
     """For each axis how much a place of the room frame's panorama lies on an edge along it, in [0, 1], shape (3, h, 2h)."""
-    maps = np.zeros((3, HEIGHT, 2 * HEIGHT), np.float32)
-    pixel = 180.0 / HEIGHT
+    rows = tuned.rows
+    maps = np.zeros((3, rows, 2 * rows), np.float32)
+    pixel = 180.0 / rows
     for ends, axis, length in zip(frame.arcs.ends, frame.axis, np.degrees(frame.arcs.length), strict=True):
         if axis < 0:
             continue
         share = np.linspace(0.0, 1.0, 2 + int(2.0 * length / pixel))[:, None]
         line = ((1.0 - share) * ends[0] + share * ends[1]) @ frame.rotation.T
-        np.maximum.at(maps[axis], cells(line), np.float32(np.clip(length / LONG, 0.3, 1.0)))
-    margin = 16
+        np.maximum.at(
+            maps[axis], _cells(line, rows), np.float32(np.clip(length / tuned.long_edge, tuned.short_edge, 1.0))
+        )
+    farthest = int(3.0 * tuned.edge_blur / pixel)
+    margin = farthest + 1
     wrapped = np.pad(maps, ((0, 0), (0, 0), (margin, margin)), mode="wrap")
     spread = np.zeros_like(maps)
-    for reach in range(int(3.0 * SPREAD / pixel) + 1):
+    for reach in range(farthest + 1):
         disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-        weight = np.float32(np.exp(-0.5 * (reach * pixel / SPREAD) ** 2))
+        weight = np.float32(np.exp(-0.5 * (reach * pixel / tuned.edge_blur) ** 2))
         for axis in range(3):
             grown = cv2.dilate(wrapped[axis], disk)[:, margin:-margin]
             spread[axis] = np.maximum(spread[axis], weight * grown)
     return spread
 
 
-def _colour_map(radiance: NDArray[np.float32], frame: RoomFrame) -> NDArray[np.float32]:
+def _colour_map(radiance: NDArray[np.float32], frame: RoomFrame, rows: int) -> NDArray[np.float32]:
     """Logarithms of luminance and of two ratios of colours, in the room frame, shape (h, 2h, 3)."""
-    small = np.maximum(cv2.resize(radiance, (2 * HEIGHT, HEIGHT), interpolation=cv2.INTER_AREA), 0.0)
+    small = np.maximum(cv2.resize(radiance, (2 * rows, rows), interpolation=cv2.INTER_AREA), 0.0)
     luminance = small @ LUMINANCE
     middle = float(np.median(luminance)) or 1.0
     safe = np.maximum(small, 1e-4 * middle)
@@ -324,8 +318,8 @@ def _colour_map(radiance: NDArray[np.float32], frame: RoomFrame) -> NDArray[np.f
     brightness = np.log(np.maximum(luminance, 1e-4 * middle) / middle)
     ratios = 2.0 * (logarithm[..., (0, 2)] - logarithm[..., (1, 1)])
     colours = np.clip(np.concatenate([brightness[..., None], ratios], axis=-1), -3.0, 3.0).astype(np.float32)
-    u, v = direction_to_latlong(pixel_directions(HEIGHT, 2 * HEIGHT) @ frame.rotation)
+    u, v = direction_to_latlong(pixel_directions(rows, 2 * rows) @ frame.rotation)
     margin = 2
     wrapped = np.concatenate([colours[:, -margin:], colours, colours[:, :margin]], axis=1)
-    at = (u * 2 * HEIGHT - 0.5 + margin).astype(np.float32), (v * HEIGHT - 0.5).astype(np.float32)
+    at = (u * 2 * rows - 0.5 + margin).astype(np.float32), (v * rows - 0.5).astype(np.float32)
     return cv2.remap(wrapped, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)

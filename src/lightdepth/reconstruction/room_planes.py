@@ -17,44 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_directions
+from lightdepth.parameters.reconstruction import DEFAULT, PlaneParameters
 from lightdepth.reconstruction.depth_unit import Unit
 
 FloatArray = NDArray[np.float64]
-
-DEGREE = 4
-"""Of the polynomial that the relative error is."""
-EXPECTED_ERROR = 0.05
-"""Standard deviation of the relative error over all directions."""
-PATCHES = 300.0
-"""As many independent parts of the picture speak about the error."""
-PATCH_NOISE = 0.015
-"""Standard deviation of a patch's own relative error."""
-TOLERANCE = 0.06
-"""Relative error up to which a pixel counts for a plane."""
-LEAST_WALL, LEAST_CEILING = 0.012, 0.02
-"""Shares of all directions that a wall, or ceiling, must take."""
-ROWS = 64
-"""Of the picture that planes are fitted to; joints are looked for in the whole."""
-MOST_WALLS = 12
-TRIALS = 1200
-JURY = 3000
-"""Pixels that judge a trial."""
-LEVEL = 0.2
-"""Sine of the angle to the horizon from which floors and ceilings are looked for."""
-UPRIGHT = 0.25
-"""Slope against the vertical that what is fitted freely to a wall may have."""
-STEPS = 6
-"""Turns of fitting planes and error."""
-SAME = 0.05
-"""Relative difference up to which two planes of one direction are one."""
-SQUARE = 3.0
-"""Degrees that a wall may be off from being square to the others for it to be made so."""
-CREASE = np.radians(1.4)
-"""Distance at which the bend of the reciprocal distance along a meridian is measured."""
-SEARCHED = np.radians(3.0)
-"""How far from where planes meet by the fit so far it is looked for where they meet in the picture."""
-FEWEST_MERIDIANS = 12
-"""On which a joint must be seen, of those of a picture of 512 rows."""
 
 
 @dataclass(frozen=True)
@@ -67,12 +33,14 @@ class RoomPlanes:
         ceilings: how many ceilings there are.
         coefficients: of the smooth error, for :meth:`correction`.
         spread: robust standard deviation of what remains of the relative error on the planes.
+        tuned: what they were found with.
     """
 
     vectors: FloatArray
     ceilings: int
     coefficients: FloatArray
     spread: float
+    tuned: PlaneParameters
 
     def correction(self, directions: FloatArray, reciprocal: FloatArray, unit: Unit) -> FloatArray:
         """Reciprocal distances without the smooth error.
@@ -82,11 +50,13 @@ class RoomPlanes:
             reciprocal: of the estimate, 1 / metres, shape (...).
             unit: of the estimate.
         """
-        columns = _columns(directions.reshape(-1, 3), reciprocal.reshape(-1), unit)
+        columns = _columns(directions.reshape(-1, 3), reciprocal.reshape(-1), unit, self.tuned)
         return reciprocal * np.exp(columns @ self.coefficients).reshape(reciprocal.shape)
 
 
-def find_room_planes(reciprocal: FloatArray, height: float, unit: Unit, seed: int = 0) -> RoomPlanes:
+def find_room_planes(
+    reciprocal: FloatArray, height: float, unit: Unit, tuned: PlaneParameters = DEFAULT.planes, seed: int = 0
+) -> RoomPlanes:
     """Find floor, ceilings and walls, and the smooth error.
 
     Args:
@@ -94,14 +64,15 @@ def find_room_planes(reciprocal: FloatArray, height: float, unit: Unit, seed: in
             nothing is known.
         height: of the camera above the floor, metres.
         unit: of the estimate.
+        tuned: what counts as a plane, and how smooth the error is.
         seed: of the random trials.
     """
-    step = max(1, len(reciprocal) // ROWS)
+    step = max(1, len(reciprocal) // tuned.rows)
     directions = pixel_directions(*reciprocal.shape)[step // 2 :: step, step // 2 :: step]
     weights = np.broadcast_to(np.sqrt(1.0 - directions[..., 2] ** 2), directions.shape[:2])
     few = reciprocal[step // 2 :: step, step // 2 :: step]
     known = few > 0.0
-    fit = _Fit(directions[known], few[known], weights[known] / weights[known].sum(), height, unit, seed)
+    fit = _Fit(directions[known], few[known], weights[known] / weights[known].sum(), height, unit, tuned, seed)
     fit.settle()
     fit.find_ceilings()
     fit.settle()
@@ -119,13 +90,20 @@ class _Fit:
     """Planes and error so far."""
 
     def __init__(
-        self, directions: FloatArray, reciprocal: FloatArray, weights: FloatArray, height: float, unit: Unit, seed: int
+        self,
+        directions: FloatArray,
+        reciprocal: FloatArray,
+        weights: FloatArray,
+        height: float,
+        unit: Unit,
+        tuned: PlaneParameters,
+        seed: int,
     ) -> None:
         self._random = np.random.default_rng(seed)
         self._directions, self._estimate, self._weights = directions, reciprocal, weights
-        self._unit = unit
+        self._unit, self._tuned = unit, tuned
         self._level_columns: FloatArray | None = None
-        self._columns = _columns(directions, reciprocal, unit)
+        self._columns = _columns(directions, reciprocal, unit, tuned)
         self._vectors = np.array([[0.0, 0.0, -1.0 / height]])
         self._ceilings = 0
         self._measured = np.array([True])
@@ -134,21 +112,22 @@ class _Fit:
     def result(self) -> RoomPlanes:
         label, ratio = self._labels()
         error = np.abs(ratio[label >= 0])
-        spread = 1.4826 * float(np.median(error)) if len(error) else TOLERANCE
-        return RoomPlanes(self._vectors, self._ceilings, self._coefficients, spread)
+        spread = 1.4826 * float(np.median(error)) if len(error) else self._tuned.tolerance
+        return RoomPlanes(self._vectors, self._ceilings, self._coefficients, spread, self._tuned)
 
     def settle(self) -> None:
         """Fit error and planes in turns."""
-        for step in range(STEPS):
-            label, _ = self._labels(2.0 if step == 0 else 1.0)
+        tuned = self._tuned
+        for step in range(tuned.rounds):
+            label, _ = self._labels(tuned.first_tolerance if step == 0 else 1.0)
             on = label >= 0
             model = np.einsum("ij,ij->i", self._directions[on], self._vectors[label[on]])
             wanted = np.log(np.maximum(model, 1e-9) / self._estimate[on])
-            columns, weights = self._columns[on], self._weights[on] * PATCHES / PATCH_NOISE**2
+            columns, weights = self._columns[on], self._weights[on] * tuned.patches / tuned.patch_noise**2
             deviation = wanted - columns @ self._coefficients
-            weights = weights * np.maximum(0.0, 1.0 - (deviation / (2.0 * TOLERANCE)) ** 2) ** 2
-            prior = np.eye(columns.shape[1]) * columns.shape[1] / EXPECTED_ERROR**2
-            prior[0, 0] *= 0.04  # The unit itself may be off by more.
+            weights = weights * np.maximum(0.0, 1.0 - (deviation / (tuned.outer_tolerance * tuned.tolerance)) ** 2) ** 2
+            prior = np.eye(columns.shape[1]) * columns.shape[1] / tuned.expected_error**2
+            prior[0, 0] *= tuned.unit_error
             self._coefficients = np.linalg.solve(
                 (columns * weights[:, None]).T @ columns + prior, (columns * weights[:, None]).T @ wanted
             )
@@ -159,7 +138,7 @@ class _Fit:
         corrected = self._corrected()
         for index in range(1, len(self._vectors)):
             on = label == index
-            if self._measured[index] or np.count_nonzero(on) < 20:
+            if self._measured[index] or np.count_nonzero(on) < self._tuned.fewest_pixels:
                 continue
             # Relative errors: every pixel's equation is divided by its reciprocal distance.
             weights = self._weights[on] / corrected[on] ** 2
@@ -171,24 +150,25 @@ class _Fit:
 
     def find_ceilings(self) -> None:
         """Level planes above the camera, the largest first."""
-        while self._ceilings < 3:
-            left = self._left() & (self._directions[:, 2] > LEVEL)
+        while self._ceilings < self._tuned.most_ceilings:
+            left = self._left() & (self._directions[:, 2] > self._tuned.level)
             level = np.log(self._corrected()[left] / self._directions[left, 2])
             if not left.any():
                 return
-            bins = np.arange(level.min(), level.max() + 0.02, 0.02)
-            mass = np.histogram(level, bins, weights=self._weights[left])[0] if len(bins) > 5 else np.zeros(1)
-            smooth = np.convolve(mass, np.ones(5), "same")
-            if smooth.max() < LEAST_CEILING:
+            step, across = self._tuned.ceiling_step, self._tuned.ceiling_steps
+            bins = np.arange(level.min(), level.max() + step, step)
+            mass = np.histogram(level, bins, weights=self._weights[left])[0] if len(bins) > across else np.zeros(1)
+            smooth = np.convolve(mass, np.ones(across), "same")
+            if smooth.max() < self._tuned.least_ceiling:
                 return
-            middle = float(np.exp(bins[int(smooth.argmax())] + 0.01))
+            middle = float(np.exp(bins[int(smooth.argmax())] + 0.5 * step))
             self._vectors = np.insert(self._vectors, 1 + self._ceilings, [0.0, 0.0, middle], axis=0)
             self._measured = np.insert(self._measured, 1 + self._ceilings, False)
             self._ceilings += 1
 
     def find_walls(self) -> None:
         """Upright planes, the largest first."""
-        while len(self._vectors) - 1 - self._ceilings < MOST_WALLS:
+        while len(self._vectors) - 1 - self._ceilings < self._tuned.most_walls:
             found = self._best_wall(np.flatnonzero(self._left()))
             if found is None:
                 return
@@ -202,7 +182,7 @@ class _Fit:
         kept: list[int] = []
         for index in np.argsort(-mass):
             lengths = np.linalg.norm(self._vectors[kept] - self._vectors[index], axis=1)
-            if index == 0 or not (lengths < SAME * np.linalg.norm(self._vectors[index])).any():
+            if index == 0 or not (lengths < self._tuned.same * np.linalg.norm(self._vectors[index])).any():
                 kept.append(int(index))
         kept = sorted({0, *kept})
         self._ceilings = sum(1 for index in kept if 0 < index <= self._ceilings)
@@ -219,7 +199,7 @@ class _Fit:
         angles = np.arctan2(walls[:, 1], walls[:, 0])
         # Angles that agree modulo a quarter turn; the one that most agree with, refined by these.
         off = (angles[:, None] - angles[None, :] + np.pi / 4.0) % (np.pi / 2.0) - np.pi / 4.0
-        near = np.abs(off) < np.radians(SQUARE)
+        near = np.abs(off) < np.radians(self._tuned.square)
         best = int(np.argmax((near * mass[:, None]).sum(axis=0)))
         some = near[:, best]
         heading = angles[best] + np.average(off[some, best], weights=mass[some] + 1e-9)
@@ -237,7 +217,7 @@ class _Fit:
             reciprocal: see :func:`find_room_planes`.
         """
         rows, columns = reciprocal.shape
-        shift = max(2, round(CREASE / np.pi * rows))
+        shift = self._margin(rows)
         bend = np.zeros_like(reciprocal)
         outer, middle = reciprocal[2 * shift :] + reciprocal[: -2 * shift], reciprocal[shift:-shift]
         known = (reciprocal[2 * shift :] > 0.0) & (reciprocal[: -2 * shift] > 0.0) & (middle > 0.0)
@@ -249,7 +229,7 @@ class _Fit:
         if len(walls) == 0:
             return
         toward = level @ walls.T
-        fewest = max(4, FEWEST_MERIDIANS * columns // 1024)
+        fewest = max(4, self._tuned.fewest_meridians * columns // 1024)
         self._measured[:] = False
         self._measured[0] = True
         label, _ = self._labels_of(reciprocal)
@@ -261,7 +241,7 @@ class _Fit:
             use = np.isfinite(found)
             if np.count_nonzero(use) >= fewest:
                 feet[number] = level[use] / (lower * found[use])[:, None]
-                self._vectors[number, :2] = _through(feet[number], walls[index])
+                self._vectors[number, :2] = _through(feet[number], walls[index], self._tuned)
         self.make_square()
         for number, points in feet.items():
             along = self._vectors[number, :2] / np.linalg.norm(self._vectors[number, :2])
@@ -306,8 +286,8 @@ class _Fit:
         """
         rows, columns = bend.shape
         result = np.full(columns, np.nan)
-        margin = max(2, round(CREASE / np.pi * rows))
-        reach = round(SEARCHED / np.pi * rows)
+        margin = self._margin(rows)
+        reach = round(np.radians(self._tuned.searched) / np.pi * rows)
         for column in np.flatnonzero(along > 0.02):
             expected = np.arctan(along[column] / level)
             row = int((0.5 + sign * expected / np.pi) * rows)
@@ -321,7 +301,7 @@ class _Fit:
             peak = int(here.argmax())
             # Bend of two exact planes that meet there, seen through no blur.
             full = np.sin(np.pi * margin / rows) * (np.tan(expected) + 1.0 / np.tan(expected))
-            if here[peak] < 0.3 * full or not 0 < peak < len(here) - 1:
+            if here[peak] < self._tuned.least_bend * full or not 0 < peak < len(here) - 1:
                 continue
             around = slice(max(0, peak - margin), peak + margin + 1)
             mass = np.maximum(here[around], 0.0) ** 2
@@ -329,22 +309,28 @@ class _Fit:
             result[column] = np.tan(abs((at + 0.5) / rows - 0.5) * np.pi)
         return result
 
+    def _margin(self, rows: int) -> int:
+        """Rows over which the bend is measured."""
+        return max(2, round(np.radians(self._tuned.crease) / np.pi * rows))
+
     def _labels_of(self, reciprocal: FloatArray) -> tuple[NDArray[np.intp], FloatArray]:
         """The same as :meth:`_labels` for a whole level panorama."""
         directions = pixel_directions(*reciprocal.shape)
         if self._level_columns is None:
-            self._level_columns = _columns(directions.reshape(-1, 3), reciprocal.reshape(-1), self._unit)
+            self._level_columns = _columns(directions.reshape(-1, 3), reciprocal.reshape(-1), self._unit, self._tuned)
         corrected = reciprocal * np.exp(self._level_columns @ self._coefficients).reshape(reciprocal.shape)
-        return nearest_planes(self._vectors, directions, corrected, TOLERANCE)
+        return nearest_planes(self._vectors, directions, corrected, self._tuned.tolerance)
 
     def _best_wall(self, left: NDArray[np.intp]) -> FloatArray | None:
-        if self._weights[left].sum() < LEAST_WALL:
+        tuned = self._tuned
+        if self._weights[left].sum() < tuned.least_wall:
             return None
         corrected = self._corrected()
         share = self._weights[left] / self._weights[left].sum()
-        first, second = self._random.choice(left, (2, 20 * TRIALS), p=share)
+        first, second = self._random.choice(left, (2, 20 * tuned.trials), p=share)
         apart = np.arccos(np.clip(np.sum(self._directions[first] * self._directions[second], axis=1), -1.0, 1.0))
-        near = np.flatnonzero((apart > np.radians(6.0)) & (apart < np.radians(35.0)))[:TRIALS]
+        near = np.flatnonzero((apart > np.radians(tuned.least_apart)) & (apart < np.radians(tuned.most_apart)))
+        near = near[: tuned.trials]
         one, other = self._directions[first[near], :2], self._directions[second[near], :2]
         determinant = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
         usable = np.abs(determinant) > 0.02
@@ -354,22 +340,22 @@ class _Fit:
         y = (q_other * one[:, 0] - q_one * other[:, 0]) / determinant
         if len(x) == 0:
             return None
-        jury = self._random.choice(left, min(JURY, len(left)), replace=False, p=share)
+        jury = self._random.choice(left, min(tuned.judges, len(left)), replace=False, p=share)
         model = self._directions[jury, :2] @ np.stack([x, y])
         with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.log(np.maximum(model, 1e-9) / corrected[jury, None]) / TOLERANCE
+            ratio = np.log(np.maximum(model, 1e-9) / corrected[jury, None]) / tuned.tolerance
         best = int(np.argmax(np.maximum(0.0, 1.0 - ratio**2).sum(axis=0)))
         vector = np.array([x[best], y[best], 0.0])
         for _ in range(3):
-            on = left[np.abs(_log_ratio(self._directions[left] @ vector, corrected[left])) < TOLERANCE]
-            if self._weights[on].sum() < LEAST_WALL:
+            on = left[np.abs(_log_ratio(self._directions[left] @ vector, corrected[left])) < tuned.tolerance]
+            if self._weights[on].sum() < tuned.least_wall:
                 return None
             part = self._directions[on] / corrected[on, None]
             weights = self._weights[on]
             free = np.linalg.lstsq(part * np.sqrt(weights)[:, None], np.sqrt(weights), rcond=None)[0]
             level = part[:, :2]
             vector[:2] = np.linalg.lstsq(level * np.sqrt(weights)[:, None], np.sqrt(weights), rcond=None)[0]
-        return vector if abs(free[2]) < UPRIGHT * np.hypot(free[0], free[1]) else None
+        return vector if abs(free[2]) < tuned.upright * np.hypot(free[0], free[1]) else None
 
     def _corrected(self) -> FloatArray:
         return self._estimate * np.exp(self._columns @ self._coefficients)
@@ -379,7 +365,7 @@ class _Fit:
 
     def _labels(self, factor: float = 1.0) -> tuple[NDArray[np.intp], FloatArray]:
         """The plane that each pixel is nearest to, -1 where none is near, and the logarithm of its ratio to it."""
-        return nearest_planes(self._vectors, self._directions, self._corrected(), factor * TOLERANCE)
+        return nearest_planes(self._vectors, self._directions, self._corrected(), factor * self._tuned.tolerance)
 
 
 def nearest_planes(
@@ -402,18 +388,18 @@ def nearest_planes(
     return np.where(np.abs(least) < tolerance, label, -1), least
 
 
-def _through(points: FloatArray, vector: FloatArray) -> FloatArray:
+def _through(points: FloatArray, vector: FloatArray, tuned: PlaneParameters) -> FloatArray:
     """The line ``p . m = 1`` through points of shape (n, 2), near the one given, by least squares with Tukey's weights."""
-    start = vector
+    start, prior = vector, tuned.joint_prior
     for _ in range(8):
         off = points @ vector - 1.0
         scale = max(3.0 * 1.4826 * float(np.median(np.abs(off))), 1e-3)
         weights = np.maximum(0.0, 1.0 - (off / scale) ** 2)
         # The line that is given counts a little: few points far from each other determine no direction.
-        rows = np.vstack([points * weights[:, None], 0.05 * np.eye(2) / np.linalg.norm(start)])
-        vector = np.linalg.lstsq(rows, np.concatenate([weights, 0.05 * start / np.linalg.norm(start)]), rcond=None)[0]
+        rows = np.vstack([points * weights[:, None], prior * np.eye(2) / np.linalg.norm(start)])
+        vector = np.linalg.lstsq(rows, np.concatenate([weights, prior * start / np.linalg.norm(start)]), rcond=None)[0]
     cosine = float(vector @ start) / float(np.linalg.norm(vector) * np.linalg.norm(start))
-    return vector if cosine > np.cos(np.radians(10.0)) else start
+    return vector if cosine > np.cos(np.radians(tuned.joint_turn)) else start
 
 
 def _log_ratio(model: FloatArray, reciprocal: FloatArray) -> FloatArray:
@@ -423,31 +409,31 @@ def _log_ratio(model: FloatArray, reciprocal: FloatArray) -> FloatArray:
     return np.where(usable, np.log(ratio), np.inf)
 
 
-def _columns(directions: FloatArray, reciprocal: FloatArray, unit: Unit) -> FloatArray:
+def _columns(directions: FloatArray, reciprocal: FloatArray, unit: Unit, tuned: PlaneParameters) -> FloatArray:
     """What the logarithm of the error is composed of: polynomials, and an error of the shift where there is one."""
-    columns = _monomials(directions) @ _orthonormal()
+    columns = _monomials(directions, tuned.degree) @ _orthonormal(tuned.degree)
     if unit.shift == 0.0:
         return columns
     safe = np.maximum(reciprocal, 1e-9)
     usual = float(np.median(reciprocal[reciprocal > 0.0])) if (reciprocal > 0.0).any() else 1.0
     bent = usual / safe if unit.kind == "disparity" else safe / usual
-    return np.column_stack([columns, 0.3 * np.clip(bent, 0.0, 4.0)])
+    return np.column_stack([columns, tuned.shift_error * np.clip(bent, 0.0, 4.0)])
 
 
-def _monomials(directions: FloatArray) -> FloatArray:
+def _monomials(directions: FloatArray, degree: int) -> FloatArray:
     """All monomials of the two highest degrees, which on the sphere make those of lower degrees as well."""
-    powers = [np.cumprod(np.stack([np.ones_like(x), *[x] * DEGREE]), axis=0) for x in directions.T]
-    exponents = [e for e in product(range(DEGREE + 1), repeat=3) if sum(e) in (DEGREE, DEGREE - 1)]
+    powers = [np.cumprod(np.stack([np.ones_like(x), *[x] * degree]), axis=0) for x in directions.T]
+    exponents = [e for e in product(range(degree + 1), repeat=3) if sum(e) in (degree, degree - 1)]
     return np.stack([powers[0][i] * powers[1][j] * powers[2][k] for i, j, k in exponents], axis=1)
 
 
 @lru_cache(maxsize=1)
-def _orthonormal() -> FloatArray:
+def _orthonormal(degree: int) -> FloatArray:
     """Combines the monomials to functions that are orthonormal over the sphere, the first of them constant."""
     random = np.random.default_rng(0)
     points = random.normal(size=(4000, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
-    values = _monomials(points)
+    values = _monomials(points, degree)
     count = values.shape[1]
     constant = np.linalg.lstsq(values, np.ones(len(points)), rcond=None)[0]
     ordered = np.column_stack([constant, np.eye(count)])[:, :count]

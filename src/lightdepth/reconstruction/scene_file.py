@@ -16,12 +16,10 @@ from lightdepth.directions import euler_rotation
 from lightdepth.errors import InputError, warn
 from lightdepth.files import exists
 from lightdepth.images.writing import whole_file
+from lightdepth.parameters.reconstruction import DEFAULT, ReviewParameters
 from lightdepth.reconstruction.posed_panorama import PosedPanorama
 from lightdepth.scene.model import RealSurface
 from lightdepth.toml_file import document_bytes, first_panorama, read_document
-
-SAME_PLACE, SAME_TURN = 0.001, 2e-3
-"""Metres, and entries of rotations (a tenth of a degree), by which two poses are the same."""
 
 
 def write_meshes(surfaces: Sequence[RealSurface], folder: Path) -> None:
@@ -46,7 +44,12 @@ def mesh_path(surface: RealSurface, folder: Path) -> Path:
 
 
 def with_surfaces(
-    scene: Path, panorama: PosedPanorama, surfaces: Sequence[RealSurface], folder: Path, sky: bool
+    scene: Path,
+    panorama: PosedPanorama,
+    surfaces: Sequence[RealSurface],
+    folder: Path,
+    sky: bool,
+    tuned: ReviewParameters = DEFAULT.review,
 ) -> bytes:
     """The content of a scene file with a ``[[real]]`` table for each surface; all else stays as the person wrote it.
 
@@ -61,13 +64,14 @@ def with_surfaces(
         surfaces: of the place.
         folder: of their meshes.
         sky: declare what the surfaces leave open sky.
+        tuned: which poses are the same.
 
     Raises:
         InputError: the file is not a readable TOML file or its ``real`` is no array of tables.
     """
     if exists(scene):
         document = read_document(scene)
-        _warn_of_another_pose(scene, document, panorama)
+        _warn_of_another_pose(scene, document, panorama, tuned)
     else:
         document = _new_document(scene, panorama)
     tables = document.get("real")
@@ -103,16 +107,18 @@ def write_scene(scene: Path, content: bytes) -> None:
         temporary.write_bytes(content)
 
 
-def _warn_of_another_pose(scene: Path, document: tomlkit.TOMLDocument, panorama: PosedPanorama) -> None:
+def _warn_of_another_pose(
+    scene: Path, document: tomlkit.TOMLDocument, panorama: PosedPanorama, tuned: ReviewParameters
+) -> None:
     table = first_panorama(document)
     if not isinstance(table, dict) or "image" not in table:
         return
     pose = panorama.pose
     found = []
     position, rotation = table.get("position", [0.0, 0.0, 0.0]), table.get("rotation", [0.0, 0.0, 0.0])
-    if _is_three(position) and np.abs(np.subtract(position, pose.position)).max() > SAME_PLACE:
+    if _is_three(position) and np.abs(np.subtract(position, pose.position)).max() > tuned.same_position:
         found.append(f"position is {_shown(position)}, and the surfaces were made for {_shown(pose.position)}")
-    if _is_three(rotation) and np.abs(euler_rotation(rotation) - pose.rotation).max() > SAME_TURN:
+    if _is_three(rotation) and np.abs(euler_rotation(rotation) - pose.rotation).max() > tuned.same_rotation:
         found.append(
             f"rotation is {_shown(rotation)}, and the surfaces were made for {_shown(panorama.rotation_degrees)}"
         )

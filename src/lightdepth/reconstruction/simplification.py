@@ -8,13 +8,11 @@ from __future__ import annotations
 import meshoptimizer
 import numpy as np
 
+from lightdepth.parameters.reconstruction import DEFAULT
 from lightdepth.scene.model import Mesh
 
-UNSEEN_ERROR = 0.002
-"""Metres by which a surface may move though it need not."""
 
-
-def simplified(mesh: Mesh, most_faces: int, error: float = UNSEEN_ERROR) -> Mesh:
+def simplified(mesh: Mesh, most_faces: int, error: float = DEFAULT.depth.unseen_error) -> Mesh:
     """Take out vertices while the surface moves by less than an error, then as many as are too many.
 
     Args:

@@ -8,15 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.errors import InputError
+from lightdepth.parameters.reconstruction import DEFAULT, ClickParameters
 from lightdepth.reconstruction.polygon import triangulate
 from lightdepth.reconstruction.pose import Pose
 
 FloatArray = NDArray[np.float64]
-
-STEEPEST = 80.0
-"""Degrees from the horizontal that a slope may have."""
-THINNEST = 0.02
-"""Least width of the triangle of a slope's clicks, as a share of its length."""
 
 
 def on_walls(directions: FloatArray, corners: FloatArray, pose: Pose) -> FloatArray:
@@ -47,7 +43,9 @@ def on_walls(directions: FloatArray, corners: FloatArray, pose: Pose) -> FloatAr
     return np.array(points)
 
 
-def slope_plane(directions: FloatArray, corners: FloatArray, pose: Pose, what: str) -> FloatArray:
+def slope_plane(
+    directions: FloatArray, corners: FloatArray, pose: Pose, what: str, tuned: ClickParameters = DEFAULT.clicks
+) -> FloatArray:
     """The plane of a sloped ceiling through points where it meets walls.
 
     Args:
@@ -55,6 +53,7 @@ def slope_plane(directions: FloatArray, corners: FloatArray, pose: Pose, what: s
         corners: the floor plan, world, metres, shape (m, 2).
         pose: of the panorama.
         what: the option, for messages.
+        tuned: how flat, and how wide, the slope must be.
 
     Returns:
         ``(a, b, c)`` of ``z = a x + b y + c``, world, metres.
@@ -67,17 +66,17 @@ def slope_plane(directions: FloatArray, corners: FloatArray, pose: Pose, what: s
     points = on_walls(directions, corners, pose)
     middle = points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(points - middle)
-    if sizes[1] < THINNEST * sizes[0]:
+    if sizes[1] < tuned.thinnest_slope * sizes[0]:
         raise InputError(
             f"{what}: the clicks lie nearly in one line; click corners of the slope on different walls, such as both ends "
             "of its lower edge and one of its upper edge"
         )
     normal = axes[2] * (np.sign(axes[2, 2]) or 1.0)
     tilt = np.degrees(np.arccos(np.clip(normal[2], -1.0, 1.0)))
-    if tilt > STEEPEST:
+    if tilt > tuned.steepest_slope:
         raise InputError(
-            f"{what}: the plane through the clicks is {tilt:.0f} degrees steep; up to {STEEPEST:g} are allowed. Each click "
-            "must be where the slope meets a wall that stands on a side of --floor"
+            f"{what}: the plane through the clicks is {tilt:.0f} degrees steep; up to {tuned.steepest_slope:g} are "
+            "allowed. Each click must be where the slope meets a wall that stands on a side of --floor"
         )
     a, b = -normal[:2] / normal[2]
     return np.array([a, b, middle[2] - a * middle[0] - b * middle[1]])

@@ -8,26 +8,18 @@ from scipy import ndimage
 from scipy.spatial import KDTree
 
 from lightdepth.directions import euler_rotation, pixel_directions
+from lightdepth.parameters.reconstruction import DEFAULT, PointParameters
 
 FloatArray = NDArray[np.float64]
 
-GAP_CELLS = 4.0
-"""A direction is unmeasured where the nearest measured point lies this many cells beside it."""
-RING = np.radians(12.0)
-"""Width of the ring around unmeasured directions, from whose points it is judged how the place goes on."""
-SMALLEST_SHARE = 0.04
-"""A plane goes on where it holds at least this part of the ring's points."""
-BEYOND = 0.04
-"""A plane that more than this part of the ring's points lie behind is furniture's: one sees past it."""
-ROWS = (64, 400)
-"""Fewest and most rows of the picture that unmeasured directions are looked for in."""
-TRIALS = 300
-JURY = 3000
-"""Points that a trial plane is judged by."""
-
 
 def continued_planes(
-    points: FloatArray, normals: FloatArray, capture_point: FloatArray, cell: float, seed: int = 0
+    points: FloatArray,
+    normals: FloatArray,
+    capture_point: FloatArray,
+    cell: float,
+    tuned: PointParameters = DEFAULT.points,
+    seed: int = 0,
 ) -> tuple[FloatArray, FloatArray]:
     """Points on the continuation of the place's planes into the directions that were not measured.
 
@@ -41,6 +33,7 @@ def continued_planes(
         normals: unit, into the open, shape (n, 3).
         capture_point: where unmeasured directions start, world, metres, shape (3,).
         cell: size of the finest details, metres.
+        tuned: what was not measured, and which planes go on.
         seed: of the random trials.
 
     Returns:
@@ -49,10 +42,11 @@ def continued_planes(
     random = np.random.default_rng(seed)
     ways = points - capture_point
     ranges = np.linalg.norm(ways, axis=1)
-    height = 2 * int(np.clip(np.pi * np.median(ranges) / cell, *ROWS) / 2)
+    wanted = np.clip(np.pi * np.median(ranges) / cell, tuned.gap_fewest_rows, tuned.gap_most_rows)
+    height = 2 * int(wanted / 2)
     directions = pixel_directions(height, 2 * height)
     angle, nearest = KDTree(ways / ranges[:, None]).query(directions.reshape(-1, 3))
-    unmeasured = (angle * ranges[nearest] > GAP_CELLS * cell).reshape(height, 2 * height)
+    unmeasured = (angle * ranges[nearest] > tuned.gap_cells * cell).reshape(height, 2 * height)
     regions = _regions(unmeasured)
     box = _box(points, normals)
     added, facing = [np.empty((0, 3))], [np.empty((0, 3))]
@@ -61,8 +55,8 @@ def continued_planes(
         inside = directions[chosen]
         if len(inside) == 0:
             continue
-        ring = _around(inside, ways / ranges[:, None])
-        planes = _planes(points, normals, ring, cell, random)
+        ring = _around(inside, ways / ranges[:, None], np.radians(tuned.ring))
+        planes = _planes(points, normals, ring, cell, tuned, random)
         rim = points[nearest.reshape(unmeasured.shape)[chosen]]
         inside = inside[(np.abs(rim @ planes[:, :3].T - planes[:, 3]) < cell).any(axis=1)]
         walls = np.concatenate([planes, box])
@@ -77,13 +71,13 @@ def continued_planes(
     return np.concatenate(added), np.concatenate(facing)
 
 
-def _around(inside: FloatArray, directions: FloatArray) -> NDArray[np.bool_]:
-    """Which directions lie in the ring around some, all unit vectors; shape (n,)."""
+def _around(inside: FloatArray, directions: FloatArray, across: float) -> NDArray[np.bool_]:
+    """Which directions lie in the ring, so many radians across, around some, all unit vectors; shape (n,)."""
     middle = inside.mean(axis=0)
     middle /= max(float(np.linalg.norm(middle)), 1e-9)
-    reach = np.arccos(np.clip((inside @ middle).min(), -1.0, 1.0)) + RING
+    reach = np.arccos(np.clip((inside @ middle).min(), -1.0, 1.0)) + across
     near = np.arccos(np.clip(directions @ middle, -1.0, 1.0)) < reach  # The tree need not be asked for all.
-    near[near] = KDTree(inside).query(directions[near], distance_upper_bound=RING)[0] < np.inf
+    near[near] = KDTree(inside).query(directions[near], distance_upper_bound=across)[0] < np.inf
     return near
 
 
@@ -106,33 +100,43 @@ def _regions(mask: NDArray[np.bool_]) -> NDArray[np.int32]:
 
 
 def _planes(
-    points: FloatArray, normals: FloatArray, ring: NDArray[np.bool_], cell: float, random: np.random.Generator
+    points: FloatArray,
+    normals: FloatArray,
+    ring: NDArray[np.bool_],
+    cell: float,
+    tuned: PointParameters,
+    random: np.random.Generator,
 ) -> FloatArray:
     """Planes that many points of the ring lie on and hardly any behind: normals and offsets, shape (k, 4)."""
     planes = []
     left = ring.copy()
-    needed = max(SMALLEST_SHARE * ring.sum(), 30)
+    needed = max(tuned.plane_share * ring.sum(), tuned.plane_fewest)
     while left.sum() > needed:
-        trials = random.choice(np.flatnonzero(left), TRIALS)
-        some = random.choice(np.flatnonzero(left), min(JURY, int(left.sum())), replace=False)
-        counts = [_on(points[some], normals[some], normals[i], normals[i] @ points[i], cell).sum() for i in trials]
+        trials = random.choice(np.flatnonzero(left), tuned.plane_trials)
+        some = random.choice(np.flatnonzero(left), min(tuned.plane_judges, int(left.sum())), replace=False)
+        counts = [
+            _on(points[some], normals[some], normals[i], normals[i] @ points[i], cell, tuned).sum() for i in trials
+        ]
         best = trials[int(np.argmax(counts))]
         normal, offset = normals[best], normals[best] @ points[best]
         for _ in range(4):
-            own = _on(points, normals, normal, offset, cell)  # Also beyond the ring: the longer, the straighter.
+            own = _on(points, normals, normal, offset, cell, tuned)  # Also beyond the ring: the longer, the straighter.
             centre = points[own].mean(axis=0)
             fitted = np.linalg.eigh((points[own] - centre).T @ (points[own] - centre))[1][:, 0]
             normal = fitted * np.sign(fitted @ normal)
             offset = normal @ centre
-        own = _on(points, normals, normal, offset, cell) & left
+        own = _on(points, normals, normal, offset, cell, tuned) & left
         if own.sum() < needed:
             break
         left &= ~own
-        if np.mean(points[ring] @ normal - offset < -2.0 * cell) < BEYOND:
+        if np.mean(points[ring] @ normal - offset < -tuned.plane_behind * cell) < tuned.plane_beyond:
             planes.append([*normal, offset])
     return np.array(planes).reshape(-1, 4)
 
 
-def _on(points: FloatArray, normals: FloatArray, normal: FloatArray, offset: float, cell: float) -> NDArray[np.bool_]:
+def _on(
+    points: FloatArray, normals: FloatArray, normal: FloatArray, offset: float, cell: float, tuned: PointParameters
+) -> NDArray[np.bool_]:
     """Which points lie on a plane and look its way."""
-    return (np.abs(points @ normal - offset) < 0.5 * cell) & (normals @ normal > 0.9)
+    near = np.abs(points @ normal - offset) < tuned.plane_thickness * cell
+    return near & (normals @ normal > tuned.plane_normal)

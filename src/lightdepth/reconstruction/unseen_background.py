@@ -8,21 +8,17 @@ from scipy import ndimage
 
 from lightdepth.directions import pixel_directions
 from lightdepth.lightmap.depth_mesh import joined
+from lightdepth.parameters.reconstruction import DEFAULT, DepthParameters
 from lightdepth.reconstruction.depth_image import continued
 from lightdepth.reconstruction.pose import Pose
 from lightdepth.scene.model import Mesh
 
 FloatArray = NDArray[np.float64]
 
-REACH = 10.0
-"""Degrees by which a surface goes on behind what stands before it."""
-NEARER = 1.05
-"""What is nearer than the background by less than this factor belongs to it."""
-GAP = 0.98
-"""The background keeps at least this far behind, as a factor of the reciprocal distance."""
 
-
-def unseen_background(depth: FloatArray, pose: Pose, planes: FloatArray | None = None) -> Mesh:
+def unseen_background(
+    depth: FloatArray, pose: Pose, planes: FloatArray | None = None, tuned: DepthParameters = DEFAULT.depth
+) -> Mesh:
     """Go on with the far side of every jump in depth behind its near side.
 
     From the capture point the cut between the two is then closed, and from beside it one looks at the wall behind an
@@ -33,6 +29,7 @@ def unseen_background(depth: FloatArray, pose: Pose, planes: FloatArray | None =
         pose: of the depth image.
         planes: reciprocal distance of what is known to go on behind each pixel, 1 / metres, the same shape; 0 where it is
             not known, and is continued from what is seen beside it.
+        tuned: how far it goes on.
 
     Returns:
         World, metres, counter-clockwise seen from the capture point; without faces where nothing jumps.
@@ -40,13 +37,13 @@ def unseen_background(depth: FloatArray, pose: Pose, planes: FloatArray | None =
     height, width = depth.shape
     reciprocal = 1.0 / depth
     background = _background_beside_jumps(reciprocal)
-    reach = round(REACH / 180.0 * height)
-    unseen, near = _near_side(reciprocal, background, reach)
+    reach = round(tuned.behind_reach / 180.0 * height)
+    unseen, near = _near_side(reciprocal, background, reach, tuned.behind_nearer)
     seen = (reciprocal > 0.0) & ~near
-    layer = continued(reciprocal, unseen, seen)
+    layer = continued(reciprocal, unseen, seen, tuned)
     if planes is not None:
         layer = np.where(unseen & (planes > 0.0), planes, layer)
-    layer[unseen] = np.minimum(layer[unseen], GAP * reciprocal[unseen])
+    layer[unseen] = np.minimum(layer[unseen], tuned.behind_gap * reciprocal[unseen])
     # A ring of what is seen belongs to the layer, slightly behind it, so that the two overlap.
     layer[~unseen] *= 0.999
     first = _round(ndimage.binary_dilation(_round(unseen, 1), np.ones((3, 3))), -1)
@@ -82,7 +79,7 @@ def _background_beside_jumps(reciprocal: FloatArray) -> FloatArray:
 
 
 def _near_side(
-    reciprocal: FloatArray, background: FloatArray, reach: int
+    reciprocal: FloatArray, background: FloatArray, reach: int, nearer: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Which pixels the background goes on behind, and all that stand before it, as far as that is known."""
     beside = ~np.isnan(background)
@@ -90,7 +87,7 @@ def _near_side(
         return beside, beside
     distance, nearest = ndimage.distance_transform_edt(~_round(beside, 2 * reach), return_indices=True)
     compared = _round(background, 2 * reach)[tuple(nearest)]
-    before = _round(reciprocal, 2 * reach) > NEARER * compared
+    before = _round(reciprocal, 2 * reach) > nearer * compared
     near = before & (distance <= 2 * reach)
     return (
         _round((near & (distance <= reach)) | (distance == 0), -2 * reach),

@@ -19,6 +19,8 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from lightdepth.directions import direction_to_latlong, pixel_directions
 from lightdepth.kernel.variables import as_vectors
 from lightdepth.parameters.balance import DEFAULT, BalanceParameters
+from lightdepth.parameters.place import DEFAULT as PLACE
+from lightdepth.parameters.place import PlaceParameters
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.traced_surfaces import TracedSurfaces
 from lightdepth.regions import connected_regions
@@ -86,19 +88,25 @@ class _Pairs:
     most: NDArray[np.float64]
 
 
-def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces, tuned: BalanceParameters = DEFAULT) -> Balance:
+def solve_gains(
+    panoramas: Sequence[Panorama],
+    surfaces: TracedSurfaces,
+    tuned: BalanceParameters = DEFAULT,
+    place: PlaceParameters = PLACE,
+) -> Balance:
     """Solve the gains of the photographs that are not balanced; those of the others are 1.
 
     Args:
         panoramas: of one place, the first of them balanced.
         surfaces: the real surfaces, as they were photographed.
         tuned: what no gain explains, among others.
+        place: what a photograph is taken to see.
     """
     count = len(panoramas)
     ones = np.ones((count, 3), np.float32)
     if count == 1:
         return Balance(ones, (0,), (np.nan,), (None,))
-    pairs = _pairs(panoramas, surfaces, tuned)
+    pairs = _pairs(panoramas, surfaces, tuned, place)
     free = np.array([not panorama.balanced for panorama in panoramas])
     alone = _unconnected(pairs, free, tuned.fewest)
     if alone is not None:
@@ -125,9 +133,11 @@ def solve_gains(panoramas: Sequence[Panorama], surfaces: TracedSurfaces, tuned: 
     )
 
 
-def _pairs(panoramas: Sequence[Panorama], surfaces: TracedSurfaces, tuned: BalanceParameters) -> _Pairs:
+def _pairs(
+    panoramas: Sequence[Panorama], surfaces: TracedSurfaces, tuned: BalanceParameters, place: PlaceParameters
+) -> _Pairs:
     rows = tuned.grid_rows
-    photographs = [Photograph(each, surfaces).beside_others(each) for each in panoramas]
+    photographs = [Photograph(each, surfaces, parameters=place).beside_others(each) for each in panoramas]
     ranges = [_ranges(each.shown_radiance) for each in panoramas]
     bright = [mi.Bool(_near_bright(each.shown_radiance, tuned).reshape(-1)) for each in panoramas]
     grid = pixel_directions(rows, 2 * rows).reshape(-1, 3)

@@ -14,13 +14,6 @@ from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.start import DEVICE_LOCK
 from lightdepth.scene.model import AnalyticShape, CameraView, Mesh, Scene, SyntheticPart
 
-PIXELS = 1.5
-"""Way on the film from one instant to the next; beyond two pixels, edges show steps, and less is lost in the noise."""
-FEWEST = 4
-POINTS = 512
-"""Of an object's part, or of all real surfaces, that are followed."""
-MOST_PLATE = 0.98
-"""Share of the points of real surfaces that count: the nearest ones move without end."""
 SIDES = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 HEIGHTS = {"rectangle": (0.0, 0.0), "disk": (0.0, 0.0), "cylinder": (0.0, 1.0)}
@@ -31,55 +24,56 @@ def needed_instants(scenes: Sequence[Scene], views: Sequence[CameraView], most: 
     """How many instants a frame needs.
 
     Args:
-        scenes: the scene where the shutter opens, in the middle, and where it closes.
+        scenes: the scene where the shutter opens, in the middle, and where it closes; the middle one's parameters count.
         views: the camera then.
         most: that are allowed.
     """
+    tuned = scenes[len(scenes) // 2].render.parameters.motion_blur
     with DEVICE_LOCK:
-        way = max((_way(points, views) for points in _followed(scenes)), default=0.0)
+        way = max((_way(points, views) for points in _followed(scenes, tuned.points)), default=0.0)
         if any(view is not views[0] for view in views):
-            real = [_spread(surface.mesh) for surface in scenes[0].real]
+            real = [_spread(surface.mesh, tuned.points) for surface in scenes[0].real]
             if real:
                 some = np.concatenate(real)
-                some = some[:: max(1, len(some) // POINTS)]
-                way = max(way, _way([some] * len(views), views, MOST_PLATE))
-    return min(max(FEWEST, math.ceil(way / PIXELS)), most)
+                some = some[:: max(1, len(some) // tuned.points)]
+                way = max(way, _way([some] * len(views), views, tuned.followed_share))
+    return min(max(tuned.fewest_instants, math.ceil(way / tuned.step)), most)
 
 
-def _followed(scenes: Sequence[Scene]) -> Iterator[list[NDArray[np.float64]]]:
+def _followed(scenes: Sequence[Scene], count: int) -> Iterator[list[NDArray[np.float64]]]:
     """Points of each part of the objects, in each scene; those of parts that become others are left out."""
     for things in zip(*(scene.synthetic for scene in scenes), strict=False):
         for parts in zip(*(thing.parts for thing in things), strict=False):
-            points = [_points(part) for part in parts]
+            points = [_points(part, count) for part in parts]
             if len({len(each) for each in points}) == 1:
                 yield points
 
 
-def _points(part: SyntheticPart) -> NDArray[np.float64]:
+def _points(part: SyntheticPart, count: int) -> NDArray[np.float64]:
     geometry = part.geometry
     if isinstance(geometry, AnalyticShape):
         low, high = HEIGHTS.get(geometry.kind, (-1.0, 1.0))
         corners = np.where(SIDES[:, 2:] < 0.0, [0.0, 0.0, low], [0.0, 0.0, high]) + SIDES * [1.0, 1.0, 0.0]
         return corners @ geometry.to_world[:3, :3].T + geometry.to_world[:3, 3]
     vertices = geometry.vertices
-    some = vertices[:: max(1, len(vertices) // POINTS)].astype(np.float64)
+    some = vertices[:: max(1, len(vertices) // count)].astype(np.float64)
     if part.places is None:
         return some
     # One point of each instance, another one of the next.
-    places = part.places[:: max(1, len(part.places) // POINTS)]
+    places = part.places[:: max(1, len(part.places) // count)]
     some = np.resize(some, (len(places), 3))
     return np.asarray(np.einsum("nij,nj->ni", places[:, :3, :3], some) + places[:, :3, 3])
 
 
-def _spread(mesh: Mesh) -> NDArray[np.float64]:
-    """Points all over a mesh, about as many on equal areas, shape (POINTS, 3)."""
+def _spread(mesh: Mesh, count: int) -> NDArray[np.float64]:
+    """Points all over a mesh, about as many on equal areas, shape (count, 3)."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     if not areas.sum() > 0.0:
         return mesh.vertices[:1].astype(np.float64)
     rng = np.random.default_rng(0)
-    face = rng.choice(len(areas), POINTS, p=areas / areas.sum())
-    first, second = np.sqrt(rng.random(POINTS)), rng.random(POINTS)
+    face = rng.choice(len(areas), count, p=areas / areas.sum())
+    first, second = np.sqrt(rng.random(count)), rng.random(count)
     weights = np.stack([1.0 - first, first * (1.0 - second), first * second], axis=1)
     return np.asarray(np.einsum("nk,nkd->nd", weights, corners[face]))
 

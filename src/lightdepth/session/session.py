@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lightdepth.api import DEFAULT_METHOD, begin_rendering, forget_prepared
 from lightdepth.cancellation import Cancelled, cancellable
@@ -76,10 +76,15 @@ class Job:
     sharing: int | None = None
 
 
+_GOES_ON: dict[str, Any] = dict.fromkeys(("samples", "noise", "denoise", "region", "preview_seconds"))
+"""What may change from one job to the next without another picture to sample."""
+
+
 class Session:
     """Renders one scene at a time, here or in a thread of its own, and reports events.
 
-    The methods may be called from any thread. Listeners and displays are called from the one that renders.
+    The methods may be called from any thread. Listeners and displays are called from the one that renders: there, all but
+    those that wait for its end may be called.
 
     Args:
         scene: what to render.
@@ -92,6 +97,8 @@ class Session:
         self._scene, self._device, self._keep = scene, device, keep
         self._listeners: list[Callable[[Event], None]] = []
         self._displays: list[Display] = []
+        self._control = threading.RLock()
+        """Held while a thread is ended or begun, so that there is one at most; the thread itself never waits for it."""
         self._changed = threading.Condition()
         self._cancelled, self._paused, self._discarded = False, False, False
         self._sampled_job: Job | None = None
@@ -126,13 +133,21 @@ class Session:
     def start(self, job: Job) -> None:
         """Begin to render in a thread; one that is at work is cancelled first.
 
+        Samples that a job of the same picture took count, also where the next one asks for more of them, for another
+        region first, or for a denoised picture.
+
         Errors are reported as a :class:`~lightdepth.session.events.Failure`.
+
+        Raises:
+            InputError: a listener or a display of this session calls it.
         """
-        self._end_thread()
-        if replace(job, samples=None, noise=None) != replace(self._job, samples=None, noise=None):
-            self._rendering = None
-        self._job = job
-        self._begin_thread()
+        self._must_not_be_inside()
+        with self._control:
+            self._end_thread()
+            if replace(job, **_GOES_ON) != replace(self._job, **_GOES_ON):
+                self._rendering = None
+            self._job = job
+            self._begin_thread()
 
     def pause(self) -> None:
         """Stop after the current pass, until :meth:`resume`."""
@@ -152,10 +167,16 @@ class Session:
             self._changed.notify_all()
 
     def reset(self, scene: Scene) -> None:
-        """Cancel the rendering and begin the same with a changed scene."""
-        self._end_thread()
-        self._scene, self._rendering = scene, None
-        self._begin_thread()
+        """Cancel the rendering and begin the same with a changed scene.
+
+        Raises:
+            InputError: a listener or a display of this session calls it.
+        """
+        self._must_not_be_inside()
+        with self._control:
+            self._end_thread()
+            self._scene, self._rendering = scene, None
+            self._begin_thread()
 
     def set_samples(self, samples: int) -> None:
         """Change how many samples per pixel are wanted; those already taken count.
@@ -169,14 +190,25 @@ class Session:
             self._job = replace(self._job, samples=samples)
             if not self._idle:
                 return
-        self.wait()
-        self._begin_thread()
+        with self._control:
+            self.wait()
+            if self._idle:  # Else another thread has begun it meanwhile.
+                self._begin_thread()
 
     def wait(self, seconds: float | None = None) -> bool:
-        """Wait until the thread has ended, or for some time; whether it has."""
+        """Wait until the thread has ended, or for some time; whether it has.
+
+        Raises:
+            InputError: a listener or a display of this session calls it.
+        """
+        self._must_not_be_inside()
         if self._thread is not None:
             self._thread.join(seconds)
         return not self.running
+
+    def _must_not_be_inside(self) -> None:
+        if self._thread is threading.current_thread():
+            raise InputError("a session cannot wait for its own end: start, reset or wait from another thread")
 
     def _begin_thread(self) -> None:
         self._cancelled = self._paused = self._idle = False
@@ -226,6 +258,8 @@ class Session:
         Raises:
             InputError, SetupError: as :func:`lightdepth.render` raises them, or a file cannot be written.
         """
+        with self._control:
+            self._end_thread()
         self._job, self._rendering, self._paused = job, None, False
         self._cancelled = False if cancelled is None else cancelled()
         return self._render()

@@ -14,23 +14,7 @@ from lightdepth.capture.mirror_ball.geometry import BallView, view_from_circle, 
 from lightdepth.capture.mirror_ball.rim import sharpened
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
-
-SEARCHED = 640
-"""Pixels of the longer side in which circles are searched."""
-CANDIDATES = 16
-"""Circles from each of two searches, of which"""
-FITTED = 4
-"""are fitted."""
-SMALLEST = 0.03
-"""Radius of the smallest ball that is searched, as share of the photograph's longer side."""
-CAP = 0.25
-"""Step of the logarithm of radiance from which on an edge is as good as any: one lamp is no outline."""
-LEAST_EDGE = 0.03
-"""Step that counts as an edge of the outline, if there is a lesser one just outside."""
-LEAST_SHARE = 0.65
-"""Share of the outline that must be an edge."""
-BEYOND = 2.5
-"""Widths of a step outside the outline, at which the photograph is compared with it."""
+from lightdepth.parameters.mirror_ball import DEFAULT, MirrorBallParameters
 
 
 @dataclass(frozen=True)
@@ -50,7 +34,13 @@ class Optics:
         return view_from_circle(name, width, height, circle, self.focal_length, self.distance)
 
 
-def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics, reflectance: FloatArray) -> BallView:
+def find_ball(
+    name: str,
+    radiance: NDArray[np.float32],
+    optics: Optics,
+    reflectance: FloatArray,
+    tuned: MirrorBallParameters = DEFAULT,
+) -> BallView:
     """Find the ball's outline.
 
     Circles that edges suggest are rated by how much of their outline is an edge, compared with what is
@@ -61,6 +51,7 @@ def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics, reflecta
         radiance: linear RGB, shape (height, width, 3).
         optics: the camera's.
         reflectance: of the ball at normal incidence, shape (3,).
+        tuned: what is searched, and what an outline is.
 
     Raises:
         InputError: there is no ball, or it is cut off by the photograph's frame.
@@ -68,26 +59,26 @@ def find_ball(name: str, radiance: NDArray[np.float32], optics: Optics, reflecta
     height, width = radiance.shape[:2]
     tones = _tones(radiance)
     promising: list[tuple[float, BallView]] = []
-    for circle in _candidates(tones):
+    for circle in _candidates(tones, tuned):
         try:
             view = optics.view(name, width, height, circle)
         except InputError:
             continue
-        promising.append((_edge_strength(tones, view, 0.06), view))
+        promising.append((_edge_strength(tones, view, tuned.find_coarse, tuned), view))
     promising.sort(key=lambda each: -each[0])
     best: tuple[float, BallView] | None = None
-    for _, view in promising[:FITTED]:
-        view = _fitted(tones, view, optics, name, 0.06)
-        rating = _edge_strength(tones, view, 0.015)
+    for _, view in promising[: tuned.find_fitted]:
+        view = _fitted(tones, view, optics, name, tuned.find_coarse, tuned)
+        rating = _edge_strength(tones, view, tuned.find_rated, tuned)
         if best is None or rating > best[0]:
             best = rating, view
-    if best is None or _edge_share(tones, best[1]) < LEAST_SHARE:
+    if best is None or _edge_share(tones, best[1], tuned) < tuned.outline_least_share:
         raise InputError(
             f"{name}: no mirror ball was found: no circle in it has an edge almost all around; the ball must lie "
             "within the frame, in front of a background that differs from it; or state its circle as --circle x,y,r"
         )
-    view = _fitted(tones, best[1], optics, name, 0.02)
-    view = sharpened(radiance, view, reflectance)
+    view = _fitted(tones, best[1], optics, name, tuned.find_fine, tuned)
+    view = sharpened(radiance, view, reflectance, tuned)
     if optics.focal_length is None:
         view = optics.view(name, width, height, view.circle())
     check_inside(name, view)
@@ -123,27 +114,29 @@ def _tones(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.log(np.maximum(light, 0.0) + np.float32(floor)).astype(np.float32)
 
 
-def _candidates(tones: NDArray[np.float32]) -> list[Circle]:
+def _candidates(tones: NDArray[np.float32], tuned: MirrorBallParameters) -> list[Circle]:
     """Circles by Hough's transform, the most distinct first."""
-    scale = min(1.0, SEARCHED / max(tones.shape))
+    scale = min(1.0, tuned.find_side / max(tones.shape))
     small = cv2.resize(tones, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
     low, high = np.percentile(small, [1.0, 99.0])
     grey = np.clip(255.0 * (small - low) / max(float(high - low), 1e-6), 0.0, 255.0).astype(np.uint8)
     grey = cv2.GaussianBlur(grey, (0, 0), 1.0)
-    least = max(6, round(SMALLEST * max(grey.shape)))
+    least = max(6, round(tuned.find_smallest * max(grey.shape)))
     found: list[Circle] = []
-    for contrast in (120.0, 50.0):
+    for contrast in tuned.find_contrasts:
         circles = cv2.HoughCircles(
-            grey, cv2.HOUGH_GRADIENT, 1.0, 4.0, param1=contrast, param2=8.0, minRadius=least,
+            grey, cv2.HOUGH_GRADIENT, 1.0, 4.0, param1=contrast, param2=tuned.find_votes, minRadius=least,
             maxRadius=max(grey.shape) // 2,
         )  # fmt: skip
         if circles is not None:
-            for x, y, radius in circles.reshape(-1, circles.shape[-1])[:CANDIDATES, :3]:
+            for x, y, radius in circles.reshape(-1, circles.shape[-1])[: tuned.find_candidates, :3]:
                 found.append(Circle((x + 0.5) / scale, (y + 0.5) / scale, float(radius) / scale))
     return found
 
 
-def _fitted(tones: NDArray[np.float32], view: BallView, optics: Optics, name: str, step: float) -> BallView:
+def _fitted(
+    tones: NDArray[np.float32], view: BallView, optics: Optics, name: str, step: float, tuned: MirrorBallParameters
+) -> BallView:
     """The outline near ``view`` along which the tones step most; ``step`` is the width of the search, in radii."""
     circle = view.circle()
     pixel = step * circle.radius
@@ -170,11 +163,11 @@ def _fitted(tones: NDArray[np.float32], view: BallView, optics: Optics, name: st
             there = moved(change)
         except InputError:
             return 0.0
-        return -_edge_strength(tones, there, 0.5 * step)
+        return -_edge_strength(tones, there, 0.5 * step, tuned)
 
     start = np.concatenate([np.zeros((1, 3)), 0.7 * np.eye(3)])
     found = minimize(cost, np.zeros(3), method="Nelder-Mead", options={"initial_simplex": start, "xatol": 0.01,
-                     "fatol": 1e-5, "maxiter": 60})  # fmt: skip
+                     "fatol": 1e-5, "maxiter": tuned.find_iterations})  # fmt: skip
     return moved(found.x)
 
 
@@ -196,24 +189,26 @@ def _steps(tones: NDArray[np.float32], view: BallView, width: float, scale: floa
     return np.asarray(sides[1] - sides[0])
 
 
-def _edge_strength(tones: NDArray[np.float32], view: BallView, width: float) -> float:
+def _edge_strength(tones: NDArray[np.float32], view: BallView, width: float, tuned: MirrorBallParameters) -> float:
     """Mean step along the outline less that just outside it; there is none outside the photograph.
 
     A ball shows all of its place, so that it is full of edges itself; what is around it is calmer.
     """
     width = max(width, 1.0 / view.circle().radius)
     here, beyond = (
-        float(np.mean(np.nan_to_num(np.abs(_steps(tones, view, width, scale))).clip(0.0, CAP)))
-        for scale in (1.0, 1.0 + BEYOND * width)
+        float(np.mean(np.nan_to_num(np.abs(_steps(tones, view, width, scale))).clip(0.0, tuned.outline_cap)))
+        for scale in (1.0, 1.0 + tuned.outline_beyond * width)
     )
     return here - beyond
 
 
-def _edge_share(tones: NDArray[np.float32], view: BallView) -> float:
+def _edge_share(tones: NDArray[np.float32], view: BallView, tuned: MirrorBallParameters) -> float:
     """Share of the outline at which the tones step, much more than just outside."""
-    width = max(0.012, 1.5 / view.circle().radius)
-    here, beyond = (np.nan_to_num(np.abs(_steps(tones, view, width, scale))) for scale in (1.0, 1.0 + BEYOND * width))
-    return float(np.mean((here > LEAST_EDGE) & (here > 1.5 * beyond)))
+    width = max(tuned.outline_width, 1.5 / view.circle().radius)
+    here, beyond = (
+        np.nan_to_num(np.abs(_steps(tones, view, width, scale))) for scale in (1.0, 1.0 + tuned.outline_beyond * width)
+    )
+    return float(np.mean((here > tuned.outline_edge) & (here > tuned.outline_stronger * beyond)))
 
 
 def _look(tones: NDArray[np.float32], x: FloatArray, y: FloatArray) -> FloatArray:

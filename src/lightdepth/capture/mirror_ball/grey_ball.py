@@ -18,19 +18,7 @@ from lightdepth.capture.mirror_ball.geometry import BallView
 from lightdepth.capture.mirror_ball.unwrapping import Ball
 from lightdepth.directions import FloatArray, direction_to_latlong, pixel_directions, pixel_solid_angles
 from lightdepth.errors import InputError
-
-POINTS = 600
-"""On the grey ball."""
-GRAZING = 0.35
-"""Cosine to the camera below which the grey ball's rim is left out."""
-COARSE = 128
-"""Width of the panorama of which irradiance is the sum."""
-MOST = 4
-"""Sources solved for; the others stay as they are."""
-LEAST_SHARE = 0.02
-"""Of the largest source's solid angle."""
-LEAST_GAIN = 1.1
-"""From which on a source was clipped."""
+from lightdepth.parameters.mirror_ball import DEFAULT, MirrorBallParameters
 
 
 @dataclass(frozen=True)
@@ -79,7 +67,12 @@ class GreyBall:
 
 
 def recover_from_grey_ball(
-    ball: Ball, grey: BallView, albedo: FloatArray, radiance: NDArray[np.float32], clipped: NDArray[np.bool_]
+    ball: Ball,
+    grey: BallView,
+    albedo: FloatArray,
+    radiance: NDArray[np.float32],
+    clipped: NDArray[np.bool_],
+    tuned: MirrorBallParameters = DEFAULT,
 ) -> GreyBall:
     """Solve what clipped sources send.
 
@@ -89,18 +82,19 @@ def recover_from_grey_ball(
         albedo: of the grey ball, shape (3,).
         radiance: the panorama, without gaps, shape (height, 2 height, 3).
         clipped: its clipped texels, shape (height, 2 height).
+        tuned: what is compared, and what counts.
 
     Raises:
         InputError: the grey ball is clipped itself, or is darker than the panorama's light makes it.
     """
-    normals, seen = _shading(ball, grey)
+    normals, seen = _shading(ball, grey, tuned)
     solid = np.repeat(pixel_solid_angles(*clipped.shape)[:, None], clipped.shape[1], axis=1)
-    regions = _regions(clipped, solid)
+    regions = _regions(clipped, solid, tuned)
     directions = pixel_directions(*clipped.shape)
     lit = np.array([_irradiance(normals, directions[each], solid[each]) for each in regions])
     lit = lit.reshape(len(regions), len(normals))
     other = np.where(np.any(regions, axis=0)[..., None] if regions else False, 0.0, radiance)
-    explained = _coarse_irradiance(normals, other)
+    explained = _coarse_irradiance(normals, other, tuned)
     now = np.array([(radiance[each] * solid[each][:, None]).sum(axis=0) / solid[each].sum() for each in regions])
     now = now.reshape(len(regions), 3).astype(np.float64)
     shown = np.pi * seen / albedo
@@ -112,9 +106,9 @@ def recover_from_grey_ball(
             left[:, channel] = (explained[:, channel] - shown[:, channel]) / level
             continue
         found[:, channel], errors[:, channel], left[:, channel] = _solved(
-            lit, explained[:, channel], shown[:, channel], now[:, channel], level
+            lit, explained[:, channel], shown[:, channel], now[:, channel], level, tuned
         )
-    if float(np.median(left)) > 0.25:
+    if float(np.median(left)) > tuned.grey_darker:
         raise InputError(
             f"{ball.name}: with this albedo the grey ball is {100.0 * float(np.median(left)):.0f} % darker than the "
             "mirror ball's light makes it; state --grey-albedo and --reflectance as they are (a matte surface of albedo 1 "
@@ -125,20 +119,22 @@ def recover_from_grey_ball(
         for index, each in enumerate(regions)
     ]
     sources.sort(key=lambda each: -float(each.irradiance.sum()))
-    return GreyBall([each for each in sources if each.gain.max() >= LEAST_GAIN], float(np.median(np.abs(left))))
+    return GreyBall(
+        [each for each in sources if each.gain.max() >= tuned.grey_least_gain], float(np.median(np.abs(left)))
+    )
 
 
-def _shading(ball: Ball, grey: BallView) -> tuple[FloatArray, FloatArray]:
+def _shading(ball: Ball, grey: BallView, tuned: MirrorBallParameters) -> tuple[FloatArray, FloatArray]:
     """Normals of points of the grey ball, light space, and their radiance."""
-    index = np.arange(2 * POINTS) + 0.5
-    cosine = 1.0 - index / POINTS
+    index = np.arange(2 * tuned.grey_points) + 0.5
+    cosine = 1.0 - index / tuned.grey_points
     turn = np.pi * (1.0 + np.sqrt(5.0)) * index
     sphere = np.stack([np.sqrt(1.0 - cosine**2) * np.cos(turn), cosine, np.sqrt(1.0 - cosine**2) * np.sin(turn)], -1)
     to_camera = -grey.distance * grey.axis - sphere
     to_camera /= np.linalg.norm(to_camera, axis=1, keepdims=True)
-    normals = sphere[(sphere * to_camera).sum(axis=1) > GRAZING]
+    normals = sphere[(sphere * to_camera).sum(axis=1) > tuned.grey_grazing]
     x, y = grey.seen_at(normals)
-    sigma = max(0.01 * grey.circle().radius, 0.5)
+    sigma = max(tuned.grey_blur * grey.circle().radius, 0.5)
     soft = cv2.GaussianBlur(ball.radiance, (0, 0), sigma)
     maps = ((x - 0.5).astype(np.float32)[None], (y - 0.5).astype(np.float32)[None])
     seen = cv2.remap(soft, *maps, cv2.INTER_LINEAR)[0].astype(np.float64) * ball.gain
@@ -148,14 +144,15 @@ def _shading(ball: Ball, grey: BallView) -> tuple[FloatArray, FloatArray]:
     return normals[~lost] @ ball.rotation.T, seen[~lost]
 
 
-def _regions(clipped: NDArray[np.bool_], solid: FloatArray) -> list[NDArray[np.bool_]]:
+def _regions(clipped: NDArray[np.bool_], solid: FloatArray, tuned: MirrorBallParameters) -> list[NDArray[np.bool_]]:
     """Connected clipped parts, the largest first; the panorama's left and right edge are one."""
     labels, count = ndimage.label(clipped, np.ones((3, 3)))
     for row in np.flatnonzero((labels[:, 0] > 0) & (labels[:, -1] > 0)):
         labels[labels == labels[row, -1]] = labels[row, 0]
     sizes = np.bincount(labels.ravel(), weights=solid.ravel(), minlength=count + 1)
     sizes[0] = 0.0
-    order = [number for number in np.argsort(-sizes)[:MOST] if sizes[number] > LEAST_SHARE * sizes.max() > 0.0]
+    largest = np.argsort(-sizes)[: tuned.grey_most_sources]
+    order = [number for number in largest if sizes[number] > tuned.grey_least_source * sizes.max() > 0.0]
     return [labels == number for number in order]
 
 
@@ -164,9 +161,9 @@ def _irradiance(normals: FloatArray, directions: FloatArray, solid: FloatArray) 
     return np.asarray(np.maximum(normals @ directions.T, 0.0) @ solid)
 
 
-def _coarse_irradiance(normals: FloatArray, radiance: NDArray[np.floating]) -> FloatArray:
+def _coarse_irradiance(normals: FloatArray, radiance: NDArray[np.floating], tuned: MirrorBallParameters) -> FloatArray:
     """Of a panorama, shape (n, 3)."""
-    width = min(COARSE, radiance.shape[1])
+    width = min(tuned.grey_irradiance_width, radiance.shape[1])
     # Weighed by solid angle, so that the sum stays.
     solid = pixel_solid_angles(*radiance.shape[:2])[:, None, None]
     size = (width, width // 2)
@@ -177,21 +174,27 @@ def _coarse_irradiance(normals: FloatArray, radiance: NDArray[np.floating]) -> F
 
 
 def _solved(
-    lit: FloatArray, explained: FloatArray, shown: FloatArray, now: FloatArray, level: float
+    lit: FloatArray,
+    explained: FloatArray,
+    shown: FloatArray,
+    now: FloatArray,
+    level: float,
+    tuned: MirrorBallParameters,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Radiances of the sources in a channel, their standard errors, and the relative differences that are left."""
 
     def differences(radiance: FloatArray) -> FloatArray:
         return np.asarray((explained + radiance @ lit - shown) / level)
 
+    start = 1.01 * now + 1e-12
     solved = least_squares(
-        differences, 1.01 * now + 1e-12, bounds=(now, np.inf), loss="soft_l1", f_scale=0.03, x_scale=now + 1e-12
+        differences, start, bounds=(now, np.inf), loss="soft_l1", f_scale=tuned.grey_scale, x_scale=now + 1e-12
     )
     jacobian = lit.T / level
     left = differences(solved.x)
     spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
     # Neighbouring points err alike; there are fewer independent ones than points.
-    covariance = np.linalg.pinv(jacobian.T @ jacobian) * spread**2 * 10.0
+    covariance = np.linalg.pinv(jacobian.T @ jacobian) * spread**2 * tuned.grey_correlated
     return solved.x, np.sqrt(np.diag(covariance)), left
 
 

@@ -13,24 +13,7 @@ from scipy.spatial.transform import Rotation
 from lightdepth.capture.mirror_ball.unwrapping import Ball, Place, Samples, sample
 from lightdepth.directions import FloatArray
 from lightdepth.errors import InputError
-
-POINTS = 3000
-"""Directions compared."""
-USED = (12.0, 150.0)
-"""Degrees from a camera between which its photograph is compared: not the photographer, not the edge."""
-STEP = 4.0
-"""Degrees between the turns that are tried."""
-TILTS = (-25.0, -12.0, 0.0, 12.0, 25.0)
-"""Pitches in degrees that both cameras may have had."""
-AROUND = 20.0
-"""Degrees around a stated turn that are tried."""
-BLURS = (8.0, 3.0, 1.0)
-"""Degrees, from the coarsest to the finest comparison."""
-UNIT = 0.05
-"""Radians, and of the gain's logarithm, of a parameter that begins at 1, so that differences are taken over 0.14 degrees:
-lookups are exact to 1/32 of a pixel."""
-DISAGREEMENT = 0.25
-"""Median difference of the logarithms of radiance, after alignment and one gain a channel, beyond which it is no gain."""
+from lightdepth.parameters.mirror_ball import DEFAULT, MirrorBallParameters
 
 
 @dataclass(frozen=True)
@@ -48,7 +31,13 @@ class Registration:
     disagreement: float
 
 
-def register(first: Ball, other: Ball, turn: float | None = None, place: Place | None = None) -> Registration:
+def register(
+    first: Ball,
+    other: Ball,
+    turn: float | None = None,
+    place: Place | None = None,
+    tuned: MirrorBallParameters = DEFAULT,
+) -> Registration:
     """Find rotation and gain of a photograph from what it and the first one both reflect.
 
     Args:
@@ -57,33 +46,35 @@ def register(first: Ball, other: Ball, turn: float | None = None, place: Place |
         turn: degrees by which its camera stood farther around the ball, counter-clockwise seen from above, about; ``None``
             tries all.
         place: where the reflected rays end; without it, near things are a little off between the photographs.
+        tuned: what is tried and compared.
 
     Raises:
         InputError: the two disagree by more than a gain.
     """
-    directions = _sphere(POINTS)
+    step, around, blurs = tuned.turn_step, tuned.turn_around, tuned.turn_blurs
+    directions = _sphere(tuned.turn_points)
     distance = None if place is None else place.distance(directions)
-    turns = np.arange(-180.0, 180.0, STEP) if turn is None else turn + np.arange(-AROUND, AROUND + 1.0, STEP)
-    coarse = [_blurred(ball, BLURS[0]) for ball in (first, other)]
+    turns = np.arange(-180.0, 180.0, step) if turn is None else turn + np.arange(-around, around + 1.0, step)
+    coarse = [_blurred(ball, blurs[0]) for ball in (first, other)]
     # The place's parallax is below this blur.
     few = directions[::6]
-    wanted = sample(coarse[0], few)
+    wanted = sample(coarse[0], few, tuned=tuned)
     best, rotation = -np.inf, np.eye(3)
-    for tilt in TILTS:
+    for tilt in tuned.turn_tilts:
         pitch = Rotation.from_euler("x", tilt, degrees=True)
         for each in turns:
             tried = (pitch.inv() * Rotation.from_euler("z", each, degrees=True) * pitch).as_matrix()
             tried = first.rotation @ tried
-            found = sample(replace(coarse[1], rotation=tried), few)
-            rating = _correlation(wanted, found)
+            found = sample(replace(coarse[1], rotation=tried), few, tuned=tuned)
+            rating = _correlation(wanted, found, tuned)
             if rating > best:
                 best, rotation = rating, tried
     gain = np.zeros(3)
-    for blur in BLURS:
+    for blur in blurs:
         pair = [_blurred(ball, blur) for ball in (first, other)]
-        rotation, gain, left = _refined(pair[0], pair[1], rotation, gain, directions, distance)
+        rotation, gain, left = _refined(pair[0], pair[1], rotation, gain, directions, distance, tuned)
     disagreement = float(np.median(np.abs(left))) if left.size else np.inf
-    if not disagreement <= DISAGREEMENT:
+    if not disagreement <= tuned.turn_disagreement:
         raise InputError(
             f"{other.name}: differs from {first.name} by {100.0 * np.expm1(min(disagreement, 9.0)):.0f} % in the median, "
             "however it is turned and with any gain: the two must show one ball in one place under the same light, with "
@@ -101,47 +92,49 @@ def _refined(
     gain: FloatArray,
     directions: FloatArray,
     distance: FloatArray | None,
+    tuned: MirrorBallParameters,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Rotation, logarithm of the gain, and what is left of the differences of logarithms, shape (n, 3)."""
-    wanted = sample(first, directions, distance)
+    wanted = sample(first, directions, distance, tuned=tuned)
     one = _logarithm(wanted.radiance)
 
     def applied(parameters: FloatArray) -> tuple[FloatArray, FloatArray]:
-        change = UNIT * (parameters - 1.0)
+        change = tuned.turn_unit * (parameters - 1.0)
         return np.asarray(Rotation.from_rotvec(change[:3]).as_matrix() @ rotation), gain + change[3:]
 
     def differences(parameters: FloatArray) -> FloatArray:
         turned, factor = applied(parameters)
-        found = sample(replace(other, rotation=turned), directions, distance)
-        return np.asarray((_logarithm(found.radiance) + factor - one) * _both(wanted, found)[:, None])
+        found = sample(replace(other, rotation=turned), directions, distance, tuned=tuned)
+        return np.asarray((_logarithm(found.radiance) + factor - one) * _both(wanted, found, tuned)[:, None])
 
     solved = least_squares(
         lambda parameters: differences(parameters).ravel(),
         np.ones(6),
         loss="soft_l1",
-        f_scale=0.1,
+        f_scale=tuned.turn_scale,
         diff_step=0.05,
-        max_nfev=20,
+        max_nfev=tuned.turn_evaluations,
     )
     turned, factor = applied(solved.x)
-    found = sample(replace(other, rotation=turned), directions, distance)
-    left = (_logarithm(found.radiance) + factor - one)[_both(wanted, found)]
+    found = sample(replace(other, rotation=turned), directions, distance, tuned=tuned)
+    left = (_logarithm(found.radiance) + factor - one)[_both(wanted, found, tuned)]
     return turned, factor, np.asarray(left)
 
 
-def _both(one: Samples, other: Samples) -> NDArray[np.bool_]:
+def _both(one: Samples, other: Samples, tuned: MirrorBallParameters) -> NDArray[np.bool_]:
     """Which directions both photographs show well, shape (n,)."""
-    low, high = np.radians(USED)
+    low, high = np.radians((tuned.turn_nearest, tuned.turn_farthest))
     good = [
-        (each.weight > 0.0) & (each.clipped < 0.1) & (each.angle > low) & (each.angle < high) for each in (one, other)
+        (each.weight > 0.0) & (each.clipped < tuned.turn_clipped) & (each.angle > low) & (each.angle < high)
+        for each in (one, other)
     ]
     return np.asarray(good[0] & good[1])
 
 
-def _correlation(one: Samples, other: Samples) -> float:
+def _correlation(one: Samples, other: Samples, tuned: MirrorBallParameters) -> float:
     """Of the logarithms of luminance."""
-    both = _both(one, other)
-    if np.count_nonzero(both) < 0.05 * len(both):
+    both = _both(one, other, tuned)
+    if np.count_nonzero(both) < tuned.turn_least_shared * len(both):
         return -np.inf
     values = [_logarithm(each.radiance[both].mean(axis=1)) for each in (one, other)]
     return float(np.nan_to_num(np.corrcoef(values[0], values[1])[0, 1], nan=-1.0))

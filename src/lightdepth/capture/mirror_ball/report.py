@@ -13,11 +13,10 @@ from lightdepth.capture.mirror_ball.registration import Registration
 from lightdepth.capture.mirror_ball.unwrapping import Ball, Unwrapped
 from lightdepth.capture.shoot import Shoot
 from lightdepth.directions import FloatArray, pixel_directions, pixel_solid_angles
+from lightdepth.parameters.mirror_ball import DEFAULT, MirrorBallParameters
 
 ZONES = (0.0, 45.0, 90.0, 120.0, 150.0, 165.0, 180.0)
 """Degrees from the direction toward the first camera."""
-LARGE_GAIN = 0.5
-"""Stops between the photographs that are worth a warning."""
 
 
 def ball_report(
@@ -29,6 +28,7 @@ def ball_report(
     assumed: bool,
     parallax: bool,
     grey: GreyBall | None,
+    tuned: MirrorBallParameters = DEFAULT,
 ) -> dict[str, Any]:
     """Numbers about a panorama from a mirror ball.
 
@@ -41,6 +41,7 @@ def ball_report(
         assumed: nobody stated it.
         parallax: whether the place's surfaces were used.
         grey: what a grey ball said, ``None`` where there is none.
+        tuned: what is worth a warning.
     """
     height, width = unwrapped.covered.shape
     solid = np.repeat(pixel_solid_angles(height, width)[:, None], width, axis=1) / (4.0 * np.pi)
@@ -78,7 +79,7 @@ def ball_report(
                 "disagreement": None if found is None else found.disagreement,
             }
         )
-        if abs(stops) > LARGE_GAIN:
+        if abs(stops) > tuned.large_gain:
             warnings.append(f"{ball.name}: its exposure differs by {stops:+.2f} stops from the first photograph's")
     figures: dict[str, Any] = {
         "size": [width, height],

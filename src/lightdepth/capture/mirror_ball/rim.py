@@ -20,36 +20,28 @@ from scipy.optimize import least_squares
 from lightdepth.capture.mirror_ball.geometry import BallView
 from lightdepth.capture.mirror_ball.reflectance import metal_reflectance
 from lightdepth.directions import FloatArray
-
-WITHIN, BEYOND = 1.5, 3.0
-"""Pixels on both sides of the outline that are explained: farther within, the place is too compressed for a curve."""
-PRIOR = (np.inf, 0.05, 1.5, 2.0)
-"""What a piece's parts come to, relative to its background: that, its slope a pixel, and the slope a radian and curvature
-of what the ball reflects."""
-PIECE = 4.0
-"""Pixels along the outline of a piece that has its own background."""
-FINE = 0.02
-"""Pixels between the samples of the profile."""
-ROUNDS = ((0.02, tuple(0.3 * step for step in range(-4, 5))), (0.01, (-0.3, 0.0, 0.3)), (0.01, (0.0,)))
-"""Each takes the pixels near the last outline. The relative difference from which on a pixel counts less, as what the
-pieces do not explain is texture, or a stand; and pixels by which the outline is moved and widened for a start."""
-STEP = 0.03
-"""Pixels over which differences are taken."""
+from lightdepth.parameters.mirror_ball import DEFAULT, MirrorBallParameters
 
 
-def sharpened(radiance: NDArray[np.float32], view: BallView, reflectance: FloatArray) -> BallView:
+def sharpened(
+    radiance: NDArray[np.float32], view: BallView, reflectance: FloatArray, tuned: MirrorBallParameters = DEFAULT
+) -> BallView:
     """The outline near ``view`` that explains the pixels beside it best; the focal length stays.
 
     Args:
         radiance: linear RGB, shape (height, width, 3).
         view: the ball, to a pixel.
         reflectance: of the ball at normal incidence, shape (3,).
+        tuned: what is explained, and how.
     """
-    for noise, tried in ROUNDS:
-        rim = _Rim(radiance, view, reflectance, noise)
+    for noise, starts_aside in zip(tuned.rim_noise, tuned.rim_starts, strict=True):
+        tried = [tuned.rim_start_step * step for step in range(-starts_aside, starts_aside + 1)]
+        rim = _Rim(radiance, view, reflectance, noise, tuned)
         starts = [np.array(each) for each in itertools.product(tried, repeat=3)]
         start = min(starts, key=rim.cost)
-        found = least_squares(rim.left_over, start, rim.slopes, loss="cauchy", f_scale=noise, max_nfev=20)
+        found = least_squares(
+            rim.left_over, start, rim.slopes, loss="cauchy", f_scale=noise, max_nfev=tuned.rim_evaluations
+        )
         view = _moved(view, found.x)
     return view
 
@@ -57,18 +49,27 @@ def sharpened(radiance: NDArray[np.float32], view: BallView, reflectance: FloatA
 class _Rim:
     """The pixels near an outline, each by the piece of the outline that it belongs to."""
 
-    def __init__(self, radiance: NDArray[np.float32], view: BallView, reflectance: FloatArray, noise: float) -> None:
-        self.view, self.noise = view, noise
-        self.ridge = np.diag(1e-9 + (noise / np.array(PRIOR)) ** 2)
+    def __init__(
+        self,
+        radiance: NDArray[np.float32],
+        view: BallView,
+        reflectance: FloatArray,
+        noise: float,
+        tuned: MirrorBallParameters,
+    ) -> None:
+        self.view, self.noise, self.tuned = view, noise, tuned
+        # The background may be anything.
+        prior = np.array([np.inf, tuned.rim_slope, tuned.rim_reflected_slope, tuned.rim_reflected_curvature])
+        self.ridge = np.diag(1e-9 + (noise / prior) ** 2)
         circle = view.circle()
-        reach = circle.radius + BEYOND + 4.0
+        reach = circle.radius + tuned.rim_beyond + 4.0
         left, top = max(0, int(circle.x - reach)), max(0, int(circle.y - reach))
         light = radiance[top : int(circle.y + reach) + 1, left : int(circle.x + reach) + 1].mean(axis=2)
         y, x = np.mgrid[top : top + light.shape[0], left : left + light.shape[1]] + 0.5
         away = _away(view, x, y)
-        near = (away > -WITHIN) & (away < BEYOND)
+        near = (away > -tuned.rim_within) & (away < tuned.rim_beyond)
         self.x, self.y = x[near], y[near]
-        count = max(24, round(2.0 * np.pi * circle.radius / PIECE))
+        count = max(24, round(2.0 * np.pi * circle.radius / tuned.rim_piece))
         turn = np.arctan2(self.y - circle.y, self.x - circle.x) / (2.0 * np.pi) % 1.0
         order = np.argsort(turn, kind="stable")
         self.x, self.y, turn = self.x[order], self.y[order], turn[order]
@@ -76,12 +77,13 @@ class _Rim:
         values = np.maximum(light[near][order].astype(np.float64), 0.0)
         mean = np.add.reduceat(values, self.first) / np.diff([*self.first, len(values)])
         self.light = values / np.maximum(mean, 1e-12)[self.piece]
-        self.profiles = _profiles(circle.radius, reflectance)
+        self.profiles = _profiles(circle.radius, reflectance, tuned)
 
     def left_over(self, change: FloatArray) -> FloatArray:
         """What no background explains of each pixel, relative, with the outline moved."""
         away = _away(_moved(self.view, change), self.x, self.y)
-        index = (np.clip(away, -WITHIN - 1.9, BEYOND + 1.9) + WITHIN + 2.0) / FINE
+        within, beyond = self.tuned.rim_within, self.tuned.rim_beyond
+        index = (np.clip(away, -within - 1.9, beyond + 1.9) + within + 2.0) / self.tuned.rim_sample
         low = index.astype(np.intp)
         share = (index - low)[:, None]
         basis = (1.0 - share) * self.profiles[low] + share * self.profiles[low + 1]
@@ -96,8 +98,9 @@ class _Rim:
 
     def slopes(self, change: FloatArray) -> FloatArray:
         """Derivatives of :meth:`left_over`, shape (n, 3)."""
-        pairs = [[self.left_over(change + side * STEP * axis) for side in (-1.0, 1.0)] for axis in np.eye(3)]
-        return np.stack([(after - before) / (2.0 * STEP) for before, after in pairs], axis=-1)
+        step = self.tuned.rim_step
+        pairs = [[self.left_over(change + side * step * axis) for side in (-1.0, 1.0)] for axis in np.eye(3)]
+        return np.stack([(after - before) / (2.0 * step) for before, after in pairs], axis=-1)
 
 
 def _moved(view: BallView, change: FloatArray) -> BallView:
@@ -115,12 +118,13 @@ def _away(view: BallView, x: FloatArray, y: FloatArray) -> FloatArray:
     return np.asarray((np.sin(angle) * view.distance - 1.0) * view.circle().radius)
 
 
-def _profiles(radius: float, reflectance: FloatArray) -> FloatArray:
+def _profiles(radius: float, reflectance: FloatArray, tuned: MirrorBallParameters) -> FloatArray:
     """Radiance across an outline, of which each piece is a sum, shape (samples, 4).
 
     Of columns: background, its slope, and slope and curvature of what the ball reflects over the angle of deflection.
     """
-    away = np.arange(-WITHIN - 2.0, BEYOND + 2.0, FINE)
+    fine = tuned.rim_sample
+    away = np.arange(-tuned.rim_within - 2.0, tuned.rim_beyond + 2.0, fine)
     inside = away < 0.0
     cosine = np.sqrt(np.clip(1.0 - (1.0 + away / radius) ** 2, 0.0, 1.0)) * inside
     share = metal_reflectance(reflectance, cosine).mean(axis=1)
@@ -132,8 +136,9 @@ def _profiles(radius: float, reflectance: FloatArray) -> FloatArray:
         np.where(inside, share * deflection**2, 0.0),
     ]
     # A pixel is a square a pixel wide, seen from any side; a lens is not much sharper.
-    window = round(1.0 / FINE)
+    window = round(1.0 / fine)
     blurred = [
-        uniform_filter1d(gaussian_filter1d(profile, 0.15 / FINE), window, mode="nearest") for profile in profiles
+        uniform_filter1d(gaussian_filter1d(profile, tuned.rim_blur / fine), window, mode="nearest")
+        for profile in profiles
     ]
     return np.stack(blurred, axis=-1)

@@ -17,11 +17,11 @@ from lightdepth.capture.mirror_ball.finding import Optics
 from lightdepth.capture.mirror_ball.geometry import BallView
 from lightdepth.capture.shoot import MergeOptions, Shoot, read_shoot
 from lightdepth.errors import InputError
+from lightdepth.parameters.capture import DEFAULT as CAPTURE
+from lightdepth.parameters.capture import CaptureParameters
+from lightdepth.parameters.mirror_ball import DEFAULT, MirrorBallParameters
 
 _UPRIGHT = {180.0: cv2.ROTATE_180, 90.0: cv2.ROTATE_90_CLOCKWISE, -90.0: cv2.ROTATE_90_COUNTERCLOCKWISE}
-_PLATEAU = 0.999
-"""Share of an HDR image's largest value from which on a pixel was clipped, if more than a few are."""
-_FEWEST = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,19 +40,30 @@ class BallPhotograph:
 
 
 def read_balls(
-    inputs: Sequence[Path], options: MergeOptions, progress: Progress = lambda *_: None
+    inputs: Sequence[Path],
+    options: MergeOptions,
+    progress: Progress = lambda *_: None,
+    tuned: MirrorBallParameters = DEFAULT,
+    capture: CaptureParameters = CAPTURE,
 ) -> tuple[Shoot, list[BallPhotograph]]:
     """Read photographs, brackets merged, or HDR images.
+
+    Args:
+        inputs: as of :func:`lightdepth.capture.shoot.read_shoot`.
+        options: how to merge.
+        progress: called after each photograph.
+        tuned: what is clipped in an HDR image.
+        capture: how brackets are told apart, and merged.
 
     Raises:
         InputError: they are missing or cannot be merged, or differ in size.
     """
-    shoot = read_shoot(inputs, options, progress)
+    shoot = read_shoot(inputs, options, progress, capture)
     found = []
     for orientation in shoot.orientations:
         radiance = orientation.radiance
         if shoot.exposure is None:
-            clipped = _plateau(radiance)
+            clipped = _plateau(radiance, tuned)
         else:
             level = float(np.median(radiance.max(axis=2)))
             clipped = ~orientation.reliable & (radiance.max(axis=2) > level)
@@ -85,10 +96,10 @@ def outline_given(photograph: BallPhotograph, text: str, optics: Optics, option:
     return optics.view(photograph.name, width, height, circle)
 
 
-def _plateau(radiance: NDArray[np.float32]) -> NDArray[np.bool_]:
+def _plateau(radiance: NDArray[np.float32], tuned: MirrorBallParameters) -> NDArray[np.bool_]:
     """Pixels that all have the largest value of a channel: what wrote the image had no more."""
     largest = radiance.reshape(-1, 3).max(axis=0)
-    flat = np.asarray((radiance >= _PLATEAU * largest).any(axis=2))
+    flat = np.asarray((radiance >= tuned.plateau_level * largest).any(axis=2))
     labels, count = ndimage.label(flat)
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
-    return np.asarray(flat & (sizes[labels] >= _FEWEST))
+    return np.asarray(flat & (sizes[labels] >= tuned.plateau_fewest_pixels))

@@ -12,23 +12,14 @@ from numpy.typing import NDArray
 from lightdepth.capture.mirror_ball.geometry import BallView
 from lightdepth.capture.mirror_ball.reflectance import metal_reflectance
 from lightdepth.directions import FloatArray, pixel_directions
+from lightdepth.parameters.mirror_ball import DEFAULT, MirrorBallParameters
 
 Rays = Callable[[FloatArray, FloatArray], NDArray[np.floating]]
 """Distances of the place's surfaces along rays: origins and unit directions of the panorama's light space, metres from the
 ball's centre, each of shape (n, 3); inf where there is none."""
 
-SUPERSAMPLING = 2
-"""Each way; near the direction behind the ball many pixels lie side by side in a texel."""
 BAND = 32
 """Rows of the panorama computed at a time."""
-SHARPNESS = 4.0
-"""Weight is the finer of two photographs' resolutions to this power: each direction is mostly one's."""
-RIM = (1.0, 3.0)
-"""Pixels within the outline: up to the first nothing counts, as the background shines in; from the second on all does."""
-FALLBACK = 1e-4
-"""Weight of the photographer's reflection: it counts where nothing else does."""
-OCCLUDED = 0.03
-"""Share of a distance by which something must be nearer to be in front."""
 FAR = 1e6
 """Radii: infinitely far."""
 
@@ -115,6 +106,7 @@ def sample(
     directions: FloatArray,
     distance: FloatArray | None = None,
     photographer: float = 0.0,
+    tuned: MirrorBallParameters = DEFAULT,
 ) -> Samples:
     """Look directions up in a photograph of the ball.
 
@@ -123,6 +115,7 @@ def sample(
         directions: unit, of the panorama's light space, shape (n, 3).
         distance: from the ball's centre to what is seen there, in radii, shape (n,); ``None`` is infinity.
         photographer: degrees around the camera's direction in which it counts only where nothing else does.
+        tuned: how much each direction counts.
     """
     normals, cosine, angle = ball.view.mirror(directions @ ball.rotation, distance)
     seen = np.asarray(np.isfinite(cosine))
@@ -142,13 +135,18 @@ def sample(
     within = np.hypot(rim_x - x, rim_y - y) * np.sign(
         np.hypot(rim_x - centre_x, rim_y - centre_y) - np.hypot(x - centre_x, y - centre_y)
     )
-    weight = seen * np.clip((within - RIM[0]) / (RIM[1] - RIM[0]), 0.0, 1.0) / np.maximum(coarse, 1e-6) ** SHARPNESS
+    inside = np.clip((within - tuned.unwrap_none) / (tuned.unwrap_all - tuned.unwrap_none), 0.0, 1.0)
+    weight = seen * inside / np.maximum(coarse, 1e-6) ** tuned.unwrap_sharpness
     if photographer > 0.0:
-        weight *= np.maximum(_smooth(np.degrees(angle), 0.8 * photographer, 1.2 * photographer), FALLBACK)
+        weight *= np.maximum(
+            _smooth(np.degrees(angle), 0.8 * photographer, 1.2 * photographer), tuned.unwrap_photographer
+        )
     return Samples(radiance.astype(np.float32), weight, lost.ravel()[: len(x)], coarse, angle)
 
 
-def visible(ball: Ball, place: Place, directions: FloatArray, distance: FloatArray) -> NDArray[np.bool_]:
+def visible(
+    ball: Ball, place: Place, directions: FloatArray, distance: FloatArray, tuned: MirrorBallParameters = DEFAULT
+) -> NDArray[np.bool_]:
     """Which points of the place the ball sees where it reflects them: it is not where its centre is. Shape (n,).
 
     Args:
@@ -156,6 +154,7 @@ def visible(ball: Ball, place: Place, directions: FloatArray, distance: FloatArr
         place: around it.
         directions: unit, of the panorama's light space, from the ball's centre, shape (n, 3).
         distance: of the points from the ball's centre, in radii, shape (n,).
+        tuned: what is in front.
     """
     normals, _, _ = ball.view.mirror(directions @ ball.rotation, distance)
     known = np.isfinite(normals[:, 0])
@@ -164,7 +163,7 @@ def visible(ball: Ball, place: Place, directions: FloatArray, distance: FloatArr
     length = np.linalg.norm(way, axis=1)
     origins = 1.001 * origins * place.radius
     met = np.asarray(place.rays(origins, way / length[:, None]), np.float64) / place.radius
-    return np.asarray(met > (1.0 - OCCLUDED) * np.minimum(length, FAR))
+    return np.asarray(met > (1.0 - tuned.unwrap_nearer) * np.minimum(length, FAR))
 
 
 def natural_width(balls: Sequence[Ball]) -> int:
@@ -179,6 +178,7 @@ def unwrap(
     place: Place | None = None,
     photographer: float = 0.0,
     progress: Callable[[str, int, int], None] = lambda *_: None,
+    tuned: MirrorBallParameters = DEFAULT,
 ) -> Unwrapped:
     """Unwrap photographs and merge them.
 
@@ -188,37 +188,38 @@ def unwrap(
         place: where the reflected rays end; ``None`` takes everything to be infinitely far.
         photographer: degrees around each camera's direction in which other photographs are preferred.
         progress: called after each band of rows.
+        tuned: how finely, and how much each photograph counts.
     """
-    height = width // 2
-    fine = pixel_directions(SUPERSAMPLING * height, SUPERSAMPLING * width)
+    height, each_way = width // 2, tuned.unwrap_supersampling
+    fine = pixel_directions(each_way * height, each_way * width)
     shape = (height, width)
     result = Unwrapped(
         np.zeros((*shape, 3), np.float32), np.zeros(shape, bool), np.zeros(shape, bool), np.zeros(shape, np.float32)
     )
     for start in range(0, height, BAND):
         stop = min(start + BAND, height)
-        directions = fine[SUPERSAMPLING * start : SUPERSAMPLING * stop].reshape(-1, 3)
+        directions = fine[each_way * start : each_way * stop].reshape(-1, 3)
         distance = None if place is None else place.distance(directions)
         light, weights = np.zeros((len(directions), 3)), np.zeros(len(directions))
         lost, best = np.zeros(len(directions)), np.full(len(directions), np.inf)
         for ball in balls:
-            found = sample(ball, directions, distance, photographer)
+            found = sample(ball, directions, distance, photographer, tuned)
             weight = found.weight
             if place is not None and distance is not None:
-                weight = weight * visible(ball, place, directions, distance)
+                weight = weight * visible(ball, place, directions, distance, tuned)
             light += found.radiance * weight[:, None]
             lost += found.clipped * weight
             weights += weight
             best = np.where(weight > 0.0, np.minimum(best, found.degrees_per_pixel), best)
         known = weights > 0.0
-        share = _texels(known.astype(np.float64), width)
+        share = _texels(known.astype(np.float64), width, each_way)
         light = np.divide(light, weights[:, None], out=np.zeros_like(light), where=known[:, None])
         lost = np.divide(lost, weights, out=np.zeros_like(lost), where=known)
         rows = slice(start, stop)
-        result.radiance[rows] = _texels(light, width) / np.maximum(share, 1e-6)[..., None]
+        result.radiance[rows] = _texels(light, width, each_way) / np.maximum(share, 1e-6)[..., None]
         result.covered[rows] = share > 0.5
-        result.clipped[rows] = _texels(lost, width) > 0.5 * np.maximum(share, 1e-6)
-        finest = best.reshape(stop - start, SUPERSAMPLING, width, SUPERSAMPLING).min(axis=(1, 3))
+        result.clipped[rows] = _texels(lost, width, each_way) > 0.5 * np.maximum(share, 1e-6)
+        finest = best.reshape(stop - start, each_way, width, each_way).min(axis=(1, 3))
         result.degrees_per_pixel[rows] = finest
         progress("unwrapping", stop, height)
     result.radiance[~result.covered] = 0.0
@@ -226,9 +227,9 @@ def unwrap(
     return result
 
 
-def _texels(values: FloatArray, width: int) -> FloatArray:
+def _texels(values: FloatArray, width: int, each_way: int) -> FloatArray:
     """Means over the samples of each texel, shape (rows, width, ...)."""
-    cut = values.reshape(-1, SUPERSAMPLING, width, SUPERSAMPLING, *values.shape[1:])
+    cut = values.reshape(-1, each_way, width, each_way, *values.shape[1:])
     return np.asarray(cut.mean(axis=(1, 3)))
 
 
