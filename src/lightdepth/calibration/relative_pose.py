@@ -164,7 +164,7 @@ def refine(points: SharedPoints, pose: RelativePose, tuned: CalibrationParameter
     Args:
         points: all of which count.
         pose: near the solution.
-        tuned: how points are weighed.
+        tuned: how points are weighted.
     """
     refined = _solved(points, tuned, [Rotation.from_matrix(pose.rotation)])
     count = len(points.names)

@@ -154,12 +154,12 @@ class PixelSums:
 
     @property
     def complete(self) -> bool:
-        """Whether all shares of the still are there."""
+        """Whether all shares and regions of the still are there."""
         return not self.missing
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What the whole still lacks, in words."""
+        """The shares and regions that the whole still lacks, in words."""
         shares = [f"{share + 1}/{self.of}" for share in range(self.of) if share not in self.shares]
         left = gaps(self.regions, self.origin.size) if self.regions else []
         return (*shares, *(f"the region {_written(region)}" for region in left))
@@ -328,7 +328,7 @@ def _regions_of(group: Sequence[tuple[PixelSums, str]]) -> tuple[tuple[Region, .
     for part, its in group:
         if part.light_count != first.light_count:
             raise InputError(
-                f"{its}: does not belong to {name}: it is of another number of paths from the light "
+                f"{its}: does not belong to {name}: it is of another number of light paths "
                 f"({part.light_count} and {first.light_count})"
             )
     regions = tuple(sorted(region for part, _ in group for region in part.regions))
