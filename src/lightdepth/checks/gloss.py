@@ -18,7 +18,7 @@ def gloss_problems(scene: Scene) -> list[Problem]:
     if not shiny or not scene.panorama.radiance.size:
         return []
     start()
-    from lightdepth.lighting.sun_mask import masked_suns
+    from lightdepth.lighting.sun_mask import with_masks
     from lightdepth.place.place import Place
     from lightdepth.place.real_surfaces import merge_real_surfaces
     from lightdepth.place.traced_surfaces import TracedSurfaces
@@ -31,7 +31,7 @@ def gloss_problems(scene: Scene) -> list[Problem]:
         traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
         tuned = scene.render.parameters.place
         gains = solve_gains(scene.panoramas, traced, scene.render.parameters.balance, tuned).gains
-        return Place(scene.panoramas, traced, suns=masked_suns(scene), gains=gains, parameters=tuned)
+        return Place(scene.panoramas, traced, declared=with_masks(scene), gains=gains, parameters=tuned)
 
     fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))
