@@ -107,7 +107,7 @@ def black_room(objects=(), opening=True, suns=(SUN,), **settings):
 
 
 def place_of(scene):
-    return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), suns=scene.lights)
+    return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), declared=scene.lights)
 
 
 IN_PATCH = np.array([[0.2, 0.1, 0.0], [0.5, -0.2, 0.0]], np.float32)
@@ -169,7 +169,7 @@ def test_what_samples_and_rays_say_of_the_sun_agrees():
     lights = place.presample_lights(np.random.default_rng(4), 4096)
     u = (dr.arange(mi.Float, 4096) + 0.5) / 4096
     light = place.sample_light(lights, u, dr.fma(u, 7.0, 0.3) - dr.floor(dr.fma(u, 7.0, 0.3)), place.shares)
-    is_sun = light.is_sun.numpy()
+    is_sun = light.light.numpy() == 1
     assert is_sun.sum() == 512
     direction, _, pdf = place.toward(light, point)
     ray = mi.Ray3f(point + mi.Vector3f(0.0, 0.0, 1e-3), direction)

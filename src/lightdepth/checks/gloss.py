@@ -21,7 +21,7 @@ def gloss_problems(scene: Scene, tuned: ChecksParameters = DEFAULT) -> list[Prob
     if not shiny or not scene.panorama.radiance.size:
         return []
     start()
-    from lightdepth.lighting.sun_mask import masked_suns
+    from lightdepth.lighting.sun_mask import with_masks
     from lightdepth.place.place import Place
     from lightdepth.place.real_surfaces import merge_real_surfaces
     from lightdepth.place.traced_surfaces import TracedSurfaces
@@ -34,7 +34,7 @@ def gloss_problems(scene: Scene, tuned: ChecksParameters = DEFAULT) -> list[Prob
         traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
         rooms = scene.render.parameters
         gains = solve_gains(scene.panoramas, traced, rooms.balance, rooms.place).gains
-        return Place(scene.panoramas, traced, suns=masked_suns(scene), gains=gains, parameters=rooms.place)
+        return Place(scene.panoramas, traced, declared=with_masks(scene), gains=gains, parameters=rooms.place)
 
     fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))

@@ -18,11 +18,12 @@ OFFSET = 1e-3
 
 def light_problems(scene: Scene, view: CaptureView) -> list[Problem]:
     """Find suns that the photograph shows already, and those whose light enters nowhere."""
-    if not scene.lights:
+    suns = [light for light in scene.lights if isinstance(light, SunLight)]
+    if not suns:
         return []
     caster = RayCaster([surface.mesh for surface in scene.real if not surface.opening])
     shown = _shown_sun(scene.panorama, caster, view.tuned)
-    return [problem for sun in scene.lights for problem in _sun_problems(sun, scene, view, caster, shown)]
+    return [problem for sun in suns for problem in _sun_problems(sun, scene, view, caster, shown)]
 
 
 def _shown_sun(panorama: Panorama, caster: RayCaster, tuned: ChecksParameters) -> tuple[FloatArray, float] | None:

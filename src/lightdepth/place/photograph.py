@@ -357,7 +357,7 @@ class Photograph(Photographed):
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
             if self.surfaces.deformed:
                 radiance = dr.select(finite, self.surface_radiance(hit, direction, finite), radiance)
-        return LightSample(position, normal, density, radiance, finite, relit, mi.Bool(False))
+        return LightSample(position, normal, density, radiance, finite, relit, mi.UInt32(0))
 
     # -- Sky behind what the capture point sees -----------------------------------------------------------------
 

@@ -278,7 +278,7 @@ class Photographs(Photographed):
             radiance,
             hit.valid,
             self.surfaces.leaves_with_objects(hit),
-            mi.Bool(False),
+            mi.UInt32(0),
         )
         dr.eval(vars(sample))  # At once: one by one would trace all rays again.
         return sample

@@ -336,7 +336,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         distance = dr.norm(hit.point - last.point)
         values = []
         arriving = self.place.arriving(ray, hit, distance, wanted, arrived)
-        counts = [last.weight_samples, *(mi.Float(1.0) for _ in self.place.suns)]
+        counts = self.light_sampling.counts(last.weight_samples)
         for index, ((radiance, pdf, finite), count) in enumerate(zip(arriving, counts, strict=True)):
             value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
             if self.light_tracer is not None:
