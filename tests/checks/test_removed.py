@@ -55,4 +55,4 @@ def test_an_object_may_stand_in_its_place(scene):
     thing = ball(WHITE, (0.0, 0.0, 0.25), 0.25)
     for real, count in ((scene.real, 0), (REAL, 1)):
         problems = inspect_scene(replace(scene, real=real, synthetic=(thing,))).problems
-        assert sum("wholly behind or inside" in problem.message for problem in problems) == count
+        assert sum("entirely behind or inside" in problem.message for problem in problems) == count

@@ -136,7 +136,7 @@ def inspect_scene(scene: Scene, hints: bool = True) -> Inspection:
     found = _inspect(scene, hints=hints)
     if found.coverage is not None:
         return found
-    message = "[[real]]: there is no real geometry: give meshes of the place, or the depth of the panorama"
+    message = "[[real]]: there is no real geometry; give meshes of the place, or the depth of the panorama"
     return Inspection((Problem(Severity.ERROR, message), *found.problems), None)
 
 
