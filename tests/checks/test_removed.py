@@ -42,7 +42,7 @@ def test_the_share_of_the_picture_that_nobody_knows(scene):
 
 def test_a_second_panorama_knows(scene):
     (hint,) = found(replace(scene, further=(photograph(CAPTURES[1], 64),)))
-    assert "a panorama sees all that is behind it" in hint.message
+    assert "a panorama sees everything behind them" in hint.message
 
 
 def test_environment_keeps_its_shadow(scene):
