@@ -219,7 +219,7 @@ def test_a_renderer_that_does_not_stop_is_killed(worker, tmp_path, monkeypatch):
         ("""echo '{"event": "hello", "version": "VERSION", "schema": 99}'; sleep 600""", "protocol 99.*needs version"),
         ("""echo "No such command 'serve'." >&2; exit 2""", "without the command 'serve'.*needs version"),
         ("""echo '{"event": "done"}'; sleep 600""", "Is this the right program and version"),
-        ("exit 0", "said nothing"),
+        ("exit 0", "exited with status"),
     ],
 )
 def test_another_version_is_known_before_it_is_used(worker, tmp_path, program, message):

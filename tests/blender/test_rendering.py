@@ -78,7 +78,7 @@ def test_a_renderer_that_fails_is_told_in_its_own_words(animated):
     assert "SIGKILL" in found["killed"]
     assert "odd number" in found["traceback"]
     assert "I am a web browser" in found["garbage"]
-    assert "said nothing" in found["silent"]
+    assert "exited with status" in found["silent"]
     for name in ("missing", "missing for the test"):
         assert "not there" in found[name]
         assert "preferences" in found[name]

@@ -134,7 +134,7 @@ def test_a_matte_floor_is_matt_and_nothing_is_written(place, command, tmp_path):
     file, text = written(photographed(place, None), tmp_path)
     status, out, _ = command("recover", "gloss", file, "--surface", "floor", "--write")
     assert status == 0
-    assert "floor: matt as far as the photograph shows" in out
+    assert "floor: matte as far as the photograph shows" in out
     assert "nothing is recovered" in out
     assert file.read_text() == text
     status, _, err = command("recover", "gloss", file, "--surface", "flor")

@@ -15,9 +15,6 @@ from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import CameraView, Role, Scene
 
-COLUMNS = 160
-"""Of the grid of points on a camera's film."""
-
 
 def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem]:
     """Find the cameras that look where something is removed, and report what they see there.
@@ -35,7 +32,7 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
     caster, removed = RayCaster([surface.mesh for surface in kept]), np.array([each.removed for each in scene.real])
     problems = []
     for name, camera in scene.cameras.items():
-        origins, directions = _film(camera)
+        origins, directions = _film(camera, views[0].tuned.film_columns)
         first = views[0].caster.cast(origins, directions)
         through = np.isfinite(first.distance) & removed[np.maximum(first.mesh, 0)]
         if not through.any():
@@ -75,10 +72,10 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
     return problems
 
 
-def _film(camera: CameraView) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _film(camera: CameraView, columns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rays through a grid on the film, world: origins and unit directions, shapes (n, 3)."""
     width, height = camera.resolution
-    rows = max(1, round(COLUMNS * height / width))
-    x, y = np.meshgrid((np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(rows) + 0.5) / rows)
+    rows = max(1, round(columns * height / width))
+    x, y = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
     origins, directions, inside = camera.sight_lines([aligned(x), aligned(y)])
     return origins[inside], directions[inside]

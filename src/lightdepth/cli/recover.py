@@ -299,9 +299,9 @@ def _gloss_lines(found: RecoveredGloss) -> list[str]:
         return [f"{name}: the capture point does not see it, or only at a grazing angle{nothing}"]
     if found.finding == "no source" or fit is None:
         return [f"{name}: nothing bright is mirrored where the capture point sees it{nothing}"]
-    if found.finding == "matt":
+    if found.finding == "matte":
         return [
-            f"{name}: matt as far as the photograph shows: a polished surface would mirror bright sources there, but no "
+            f"{name}: matte as far as the photograph shows: a polished surface would mirror bright sources there, but no "
             f"highlight stands out from its colours{nothing}"
         ]
     (low, high), (least, most) = fit.roughness_bounds, fit.specular_bounds

@@ -38,7 +38,7 @@ class RecoveredGloss:
         gloss: with the typical albedo beneath it; ``None`` where the photograph does not determine it.
         finding: ``gloss``, or ``too bright``, where highlights are brighter than any dielectric mirrors the sources, and
             ``gloss`` is the closest that is one; or why there is none: ``unseen`` by the capture point, ``no source`` is
-            mirrored where it sees the surface, ``matt`` (mirror images of sources do not show), ``undetermined``.
+            mirrored where it sees the surface, ``matte`` (mirror images of sources do not show), ``undetermined``.
         fit: the lobe that explains the highlights best; ``None`` without any.
         by_source: the same from each bright source that is mirrored, the strongest first, where it shows.
         confidence: ``good``, ``fair``, ``poor`` or ``none``.
@@ -102,7 +102,7 @@ def _recovered(name: str, images: MirrorImages, tuned: LightingParameters) -> Re
         return nothing("no source")
     fit = fit_lobe(images, pairs, tuned=tuned)
     if not _shows(fit, tuned):
-        return nothing("matt", fit)
+        return nothing("matte", fit)
     by_source = []
     for index, direction in enumerate(images.directions):
         own = pairs.where((images.source[pairs.first] == index) | (images.source[pairs.second] == index))

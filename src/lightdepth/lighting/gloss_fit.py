@@ -114,7 +114,7 @@ def fit_lobe(
         differences = np.abs(albedo[pairs.first] - albedo[pairs.second]).mean(axis=1)
         return np.asarray(np.bincount(tile, differences, len(tiles)), dtype=np.float64)
 
-    matt = by_tile(0.0)
+    matte = by_tile(0.0)
     misfit = np.array([[by_tile(images.mirrored(r, s)) for s in levels] for r in fine])
     generator = np.random.default_rng(seed)
     drawn = generator.multinomial(len(tiles), np.full(len(tiles), 1.0 / len(tiles)), tuned.gloss_resamples).astype(
@@ -128,8 +128,8 @@ def fit_lobe(
         specular,
         _interval(resampled[:, 0]),
         _interval(resampled[:, 1]),
-        float(1.0 - misfit.sum(axis=2).min() / max(matt.sum(), 1e-30)),
-        float(np.mean(least < (1.0 - tuned.gloss_improves) * (drawn @ matt))),
+        float(1.0 - misfit.sum(axis=2).min() / max(matte.sum(), 1e-30)),
+        float(np.mean(least < (1.0 - tuned.gloss_improves) * (drawn @ matte))),
     )
 
 

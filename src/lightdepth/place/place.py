@@ -1,7 +1,7 @@
 """The real place before insertion: its surfaces, and its lights behind one interface.
 
-Equations: docs/theory.md, sections 1 and 2. Of its lights the photograph is the first; declared ones, which the photograph
-does not show, come beside it.
+Equations: docs/theory.md, sections 1 and 2. The photograph is the first of its lights; declared ones, which the photograph
+does not show, are further ones.
 """
 
 from __future__ import annotations
@@ -71,7 +71,7 @@ class Place:
         share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.declared), 1))
         self.shares = (1.0 - share * len(self.declared), *(share for _ in self.declared))
         # Light that hardly stands out is left to camera paths, in the light of suns too. As in the power heuristic the
-        # stronger one gets more than its share: few paths that carry much light are specks.
+        # stronger one gets more than its share: few paths that carry much light are fireflies.
         map_worth, suns_worth = self.standing_out**2, (1.0 - self.standing_out) ** 2
         path_share = max(suns_worth / (map_worth + suns_worth), parameters.least_path_share) / max(
             len(self.declared), 1
@@ -80,7 +80,7 @@ class Place:
 
     @property
     def standing_out(self) -> float:
-        """Share of the photograph's light that stands out of it: see :attr:`Photographed.standing_out`."""
+        """Share of the photograph's light above its mean: see :attr:`Photographed.standing_out`."""
         return self.photograph.standing_out
 
     @property
@@ -227,7 +227,7 @@ def _photographed(
     gains: NDArray[np.float32] | None,
     parameters: PlaceParameters,
 ) -> Photographed:
-    """A single panorama by itself needs no weighing."""
+    """A single panorama needs no weighting."""
     several = [panoramas] if isinstance(panoramas, Panorama) else list(panoramas)
     if len(several) == 1 and several[0].mask is None:
         return Photograph(several[0], surfaces, infinite, alone, parameters=parameters)

@@ -1,4 +1,4 @@
-"""What every light of the photographed place is: rays may hit it, by a known density of its own sampling."""
+"""The interface of the lights of the photographed place: rays may hit them, with a known density of their own sampling."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 
 
 class RealLight(ABC):
-    """A light of the place before insertion. A photograph is one: all that it shows sends light.
+    """A light of the place before insertion. A photograph is one: everything that it shows emits light.
 
     How its light is sampled is its own: the photograph's from a list that all paths share, a declared light's afresh at
     each point, see :class:`DeclaredLight`.
@@ -28,7 +28,7 @@ class RealLight(ABC):
             ray: with unit directions ``w``, world.
             hit: ``q(x, w)``, the first real surfaces along them.
             distance: metres from the point ``x``, for which light is sampled, to ``q``.
-            active: where it is wanted.
+            active: lanes to evaluate.
             kept: for which rays ``hit`` is the first surface that is not removed.
 
         Returns:

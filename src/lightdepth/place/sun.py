@@ -32,7 +32,7 @@ class Sun(DeclaredLight):
 
     Args:
         settings: its direction, size and strength.
-        surfaces: the real surfaces; those that are no openings block it.
+        surfaces: the real surfaces; those that are not openings block it.
         parameters: how finely its shadow map steers sampling.
     """
 
@@ -95,11 +95,11 @@ class Sun(DeclaredLight):
         return self._mask is not None
 
     def blocked(self, ray: mi.Ray3f, active: mi.Bool, kept: bool = False) -> mi.Bool:
-        """Whether real surfaces that are no openings stand in the way of rays that run toward the sun.
+        """Whether real surfaces that are not openings stand in the way of rays that run toward the sun.
 
         Args:
             ray: from a surface, unit directions, world.
-            active: which are wanted.
+            active: lanes to evaluate.
             kept: only those count that are not removed.
         """
         if not self.surfaces.has_real:

@@ -177,7 +177,8 @@ def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
     """The modelled surfaces; where there are none, those made from the panoramas' depth, all of them support."""
     if scene.real:
         return scene.real
-    return tuple(RealSurface("depth", mesh, Role.SUPPORT) for mesh in meshes_from_depth(scene.panoramas))
+    tuned = scene.render.parameters.place
+    return tuple(RealSurface("depth", mesh, Role.SUPPORT) for mesh in meshes_from_depth(scene.panoramas, tuned))
 
 
 # -- On disk ----------------------------------------------------------------------------------------------------------

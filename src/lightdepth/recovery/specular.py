@@ -87,7 +87,7 @@ def _weighed_mirrored(
     generator: np.random.Generator,
     parameters: RecoveryParameters,
 ) -> NDArray[np.float32]:
-    """What lobes send to the capture points, weighed as the photographs are there, shape (n, 3)."""
+    """What lobes send to the capture points, weighted like the photographs there, shape (n, 3)."""
     shares = place.photograph.shares_at(*(as_vectors(each) for each in (points, normals)))
     total = np.zeros((len(points), 3), np.float32)
     for photograph, share in zip(place.photograph.each, shares, strict=True):

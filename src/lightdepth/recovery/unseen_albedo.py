@@ -77,7 +77,7 @@ def recover_unseen(
         place, part, generator, few, parameters.unseen_tolerance, parameters, whole_levels=True
     )
     samples = min(
-        samples // 8 * 2,
+        samples // (2 * parameters.unseen_fewer) * 2,
         parameters.unseen_samples,
         max(parameters.unseen_fewest_samples, parameters.unseen_vertex_samples // len(mesh.points) // 2 * 2),
     )
@@ -204,8 +204,8 @@ def _albedo(
     """
     glows = (np.pi * seen.radiance > glowing_ratio * irradiance).any(axis=1)
     total = int(max(index.max(), seen.face.max())) + 1
-    matt, glowing = (np.bincount(seen.face, seen.area * mask, total)[index] for mask in (~glows, glows))
-    lamp = glowing > np.maximum(matt, parameters.glowing_share * face_areas(part.vertices, part.faces))
+    matte, glowing = (np.bincount(seen.face, seen.area * mask, total)[index] for mask in (~glows, glows))
+    lamp = glowing > np.maximum(matte, parameters.glowing_share * face_areas(part.vertices, part.faces))
     sent, received = likeness[:, ~glows] @ seen.radiance[~glows], likeness[:, ~glows] @ irradiance[~glows]
     albedo = np.clip(np.pi * sent / np.maximum(received, 1e-30), parameters.smallest_albedo, parameters.largest_albedo)
     undecided = lamp | (received.max(axis=1) <= 0.0)

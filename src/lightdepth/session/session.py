@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lightdepth.film.rendering import Rendering
 
 CHECKPOINT_SECONDS = 30.0
-"""Work that a killed process loses at most."""
+"""Most work that a killed process loses."""
 LOGGER = logging.getLogger(__name__)
 
 
@@ -161,7 +161,7 @@ class Session:
             self._changed.notify_all()
 
     def cancel(self) -> None:
-        """Stop soon, also while preparing; a picture that was begun is shown as it is."""
+        """Stop soon, also during preparation; an unfinished picture is shown as it is."""
         with self._changed:
             self._cancelled = True
             self._changed.notify_all()

@@ -235,7 +235,7 @@ class LightSampling:
             lights: light samples of the map.
             u: uniform random numbers that pick them.
             vertex: where light arrives.
-            active: where it is wanted.
+            active: lanes to evaluate.
         """
         light = lights.sample(u, active)
         direction, distance, pdf = self._place.toward(light, vertex.point)
@@ -336,7 +336,7 @@ class LightSampling:
             distance: to them, metres.
             from_map: which are samples of the map; the others lie on synthetic emitters.
             inverted: which count where they are blocked.
-            active: which are wanted.
+            active: lanes to evaluate.
         """
         ray = shadow_ray(vertex.point, vertex.normal, direction, distance)
         passed = self._transmittance(ray, active)
@@ -389,5 +389,5 @@ def mis_weight_over_pdf(pdf: mi.Float, other: mi.Float, count: mi.Float) -> mi.F
 
     NaN where both densities are 0.
     """
-    weighed = pdf * count
-    return count * weighed / (dr.square(weighed) + dr.square(other))
+    weighted = pdf * count
+    return count * weighted / (dr.square(weighted) + dr.square(other))
