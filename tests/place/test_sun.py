@@ -18,6 +18,7 @@ from lightdepth.errors import InputError  # noqa: E402
 from lightdepth.place.place import Place  # noqa: E402
 from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
 from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
+from lightdepth.preparation.place import prepare_place  # noqa: E402
 from lightdepth.recovery.irradiance import estimate_irradiance  # noqa: E402
 from lightdepth.scene.lights.frame import azimuth_and_elevation, sun_axes, sun_direction  # noqa: E402
 from lightdepth.scene.materials import Diffuse  # noqa: E402
@@ -161,6 +162,14 @@ def test_a_mask_holds_back_its_share():
     found, _ = estimate_irradiance(place, IN_PATCH, UP, np.random.default_rng(3), 64)
     np.testing.assert_allclose(found[0], 0.25 * SUN.irradiance * SUN.direction[2], rtol=2e-3)
     assert found[1].max() < 1e-3 * found[0].min()
+
+
+def test_a_place_without_light_but_the_sun_is_prepared_without_dividing_by_it():
+    """At first, most of its vertices get no light at all: what edges deviate by there is relative to nothing."""
+    prepared = prepare_place(black_room(irradiance_samples=64), infinite=True)
+    assert (prepared.real.irradiance == 0.0).any()
+    assert np.isfinite(prepared.real.irradiance).all()
+    assert prepared.real.irradiance.max() > 0.0
 
 
 def test_what_samples_and_rays_say_of_the_sun_agrees():

@@ -121,7 +121,10 @@ def _deviation(
     """
     expected = irradiance[ends].mean(axis=1)
     scale = np.maximum(found.mean(axis=1), dark * np.median(irradiance))
-    return np.asarray(np.abs(found - expected).max(axis=1) / scale, np.float64)
+    difference = np.abs(found - expected).max(axis=1)
+    # Where all is black, there is nothing to refine; what is lit beside it is above any bound.
+    beyond = np.where(difference > 0.0, np.inf, 0.0).astype(difference.dtype)
+    return np.divide(difference, scale, out=beyond, where=scale > 0.0).astype(np.float64)
 
 
 def _subdivide_to_length(mesh: RefinedMesh, parameters: RecoveryParameters) -> RefinedMesh:
