@@ -26,31 +26,31 @@ REGION_TITLES = {
 }
 INTRODUCTION = """# Benchmarks
 
-Written by `make bench`; the raw figures are in `bench/results/`. Every method is given the same photograph of a
-virtual place, the same model of it and the same objects, and is compared with full path tracing of the place with the
-objects in it (stock Mitsuba `path`, up to 32 path vertices, through the same camera).
+Written by `make bench`; the raw figures are in `bench/results/`. Every method gets the same photograph of a virtual
+place, the same model of it and the same objects, and is compared with full path tracing of the place with the objects in
+it (stock Mitsuba `path`, up to 32 path vertices, through the same camera).
 
 - Errors are relative to the mean radiance of the region. The truth's own noise is known per pixel and subtracted from
-  every squared error. The photograph's noise is not: it is part of what every method is given. Its pixels that show
-  lamps have enough rays that the power of a lamp is not left to chance.
-- The *error at convergence* is that at a method's largest budget without any noise. Two images A and B, rendered with
+  every squared error. The photograph's noise is not: it is part of every method's input. Its pixels that show lamps
+  have enough rays that the lamps' power is accurate.
+- The *error at convergence* is the error at a method's largest budget without its noise. Two images A and B, rendered with
   different random numbers, are compared with the truth T in the means of blocks of 8 by 8 pixels. The mean over the
   blocks of (A - T) (B - T), less the variance of T, has the squared error as its expectation: the noise of A and B is
-  independent and drops out, that of T is in both factors and known. What is shown is the root, by the same rule for every
-  method. What a method prepares once for all images, such as the irradiance of surfaces, is the same in A and B, and its
-  error counts.
+  independent and drops out, that of T is in both factors and known. The root of this is shown, by the same rule for every
+  method. Results that a method prepares once for all images, such as irradiance, are the same in A and B, and their error
+  counts.
 - Its uncertainty (±, one standard deviation) is a bootstrap over the blocks (200 resamples). Where that reaches down
   to 0, the interval is shown instead, and the factor by which others are larger is a bound (>) from its upper end.
-  *Truth's own noise* is what all these figures would have contained, had it not been taken out.
-- All methods composite into the same plate, so that only what they add is compared.
-- *Bias* is the error that stays with more and more samples, *noise* that of one sample a pixel, both from a fit of
+  *Truth's own noise* is the error that all these figures would contain if it were not subtracted.
+- All methods composite onto the same plate, so that only their contributions are compared.
+- *Bias* is the error that remains with any number of samples, *noise* that of one sample per pixel, both from a fit of
   `error^2 = bias^2 + noise^2 / samples` over the budgets.
-- Times are medians of runs in turn on the same machine, warm, without loading the scene.
-- PSNR, SSIM and FLIP are of the sRGB image at one exposure a place.
+- Times are medians of interleaved runs on the same machine, warm, without loading the scene.
+- PSNR, SSIM and FLIP are of the sRGB image at one exposure per place.
 - *untouched* holds pixels of real surfaces that the objects change by less than 1 %: small changes there are real.
 - In the L-shaped room the walls of the far leg are occluded from the capture point. Methods that project the photograph
-  paint them with what stands before them, and metal mirrors that. `difference` gives them the mean colour of the walls that
-  are seen near them, and the light that arrives there.
+  give them the colours of whatever occludes them, and metal mirrors that. `difference` gives them the mean colour of
+  visible walls near them, and the light that arrives there.
 
 """
 
@@ -200,10 +200,10 @@ def missing_light() -> Iterator[str]:
     if tables:
         yield "## Light that the photograph lacks\n"
         yield (
-            "Measured with `python -m bench suns`, `clipped` and `gloss`; see [Light that the photograph lacks]"
-            "(recovery.md). ± is the standard error, from the truth's noise and the images' own. What a declared sun costs "
-            "is measured against the same sun in the photograph: the room without the sun has neither its light nor the "
-            "hard edges of its shadows. *At equal error* is time times variance.\n"
+            "Measured with `python -m bench suns`, `clipped` and `gloss`; see [Light that the photograph "
+            "lacks](recovery.md). ± is the standard error, from the truth's noise and the images' own. The cost of a "
+            "declared sun is compared with that of the same sun in the photograph: the room without a sun has neither its "
+            "light nor the hard edges of its shadows. *At equal error* is time times variance.\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"
@@ -217,11 +217,11 @@ def _foreign() -> Iterator[str]:
         yield "## Scenes with glossy surfaces and open windows\n"
         yield (
             "Measured one by one with `python -m bench truth`. Their glossy floors and the sky behind their windows break "
-            "the assumption that real surfaces look alike from everywhere. The methods get a sixteenth of the truth's "
-            "samples. In `living-room` much of the light at the objects is a sunset that the capture point does not see "
-            "through the windows: `difference` takes it from the sky that is seen beside it. With 96 samples, two seeds "
-            "and all noise taken out, objects are 1.2 % too dark, and the error of 8x8 means is 7.4 % on them and 9.6 % "
-            "on influenced pixels. (`envpath` was measured before it did so.)\n"
+            "the assumption that real surfaces look the same from all directions. The methods get a sixteenth of the "
+            "truth's samples. In `living-room` much of the light at the objects is a sunset that the capture point does "
+            "not see through the windows: `difference` takes it from the visible sky beside it. With 96 samples, two "
+            "seeds and the noise subtracted, objects are 1.2 % too dark, and the error of 8x8 means is 7.4 % on them and "
+            "9.6 % on influenced pixels. (`envpath` was measured before it did so.)\n"
         )
     for table in tables:
         yield f"**{table['title']}**\n"
@@ -236,14 +236,12 @@ def _captures() -> Iterator[str]:
         yield (
             "Measured with `python -m bench captures --quick --panorama-samples 1024`. In the L-shaped room a camera "
             "travels from the first capture point around the corner into the far leg, of which the first capture sees "
-            "next to nothing; the second "
-            "stands there, the third in the corner. The flat is furnished, and a bookcase divides it: the camera goes "
-            "past it into the part behind. The second capture is in the passage, the third behind the bookcase; what "
-            "none sees there is the far side of furniture. Errors are root mean squares over all frames. The change "
-            "from frame to frame is that of plates 4 cm apart in the middle of the way, the largest that one pixel in "
-            "a hundred exceeds. What it is above the truth's is the noise of the panoramas, which moves with the "
-            "surfaces: with 64 samples instead of 1024, two and three captures of the L-shaped room have 1.46 and "
-            "1.37.\n"
+            "almost nothing; the second is there, the third in the corner. The flat is furnished, and a bookcase divides "
+            "it: the camera moves past it into the area behind. The second capture is in the passage, the third behind "
+            "the bookcase; only the far sides of furniture are seen by none. Errors are root mean squares over all "
+            "frames. The change from frame to frame is that of plates 4 cm apart in the middle of the path, the 99th "
+            "percentile over the pixels. Its excess over the truth's is the noise of the panoramas, which moves with the "
+            "surfaces: with 64 samples instead of 1024, two and three captures of the L-shaped room have 1.46 and 1.37.\n"
         )
     for table in tables.values():
         yield f"**{table['title']}**\n"
@@ -258,9 +256,9 @@ def _boxes() -> Iterator[str]:
         yield "## The guessed box of a room\n"
         yield (
             "Measured with `python -m bench boxes`: the box that `lightdepth new` fits, given the camera's height. Walls "
-            "of photographed rooms were read off by hand (`bench/places/photographed_rooms.toml`). Of the benchmark's "
-            "places these are the four that are boxes, path-traced and denoised. The furnished rooms are random, painted "
-            "instead of lit, and harder than most: much of their floor's edges is behind furniture.\n"
+            "of photographed rooms were measured by hand (`bench/places/photographed_rooms.toml`). The virtual rooms are "
+            "the benchmark's four box-shaped places, path-traced and denoised. The furnished rooms are random, painted "
+            "instead of lit, and harder than most: furniture hides much of their floor's edges.\n"
         )
         yield f"**{table['title']}**\n"
         yield _table(table["head"], table["rows"])
@@ -273,11 +271,10 @@ def _fireflies() -> Iterator[str]:
         yield "## Fireflies and lost light\n"
         yield (
             "Measured with `python -m bench fireflies`: first pictures of `lightdepth new` with chrome and grey balls or "
-            "rough silver and matte red ones, 320 x 200 pixels. A firefly is twice as bright as 128 samples of "
-            "another seed, and brighter by a tenth of the picture's mean. The light is what denoising adds to the samples' "
-            "own, as a share of the layer. The error is relative to the mean, with what is white on a screen cut off: in "
-            "such small pictures the lamps and the sun in the chrome ball are smaller than a pixel, and the denoiser "
-            "softens them.\n"
+            "rough silver and matte red ones, 320 x 200 pixels. A firefly is twice as bright as 128 samples of another "
+            "seed, and brighter by a tenth of the picture's mean. The light is that added by denoising, as a share of the "
+            "layer. The error is relative to the mean, with radiance clipped at the screen's white: in such small "
+            "pictures the lamps and the sun in the chrome ball are smaller than a pixel, and the denoiser softens them.\n"
         )
         yield f"**{table['title']}**\n"
         yield _table(table["head"], table["rows"])

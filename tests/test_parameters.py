@@ -22,6 +22,8 @@ from lightdepth.lighting.panorama_view import PanoramaView  # noqa: E402
 from lightdepth.parameters import (  # noqa: E402
     CalibrationParameters,
     CaptureParameters,
+    ChecksParameters,
+    DistancesParameters,
     FilmParameters,
     LightingParameters,
     MirrorBallParameters,
@@ -44,8 +46,10 @@ ARGUMENTS = {
     "capture": CaptureParameters(),
     "mirror_ball": MirrorBallParameters(),
     "calibration": CalibrationParameters(),
+    "distances": DistancesParameters(),
     **{f"reconstruction.{each.name}": each.default for each in fields(ReconstructionParameters)},
     "quickstart": QuickstartParameters(),
+    "checks": ChecksParameters(),
 }
 NAMES = [(each.name, name.name) for each in fields(Parameters) for name in fields(getattr(Parameters(), each.name))]
 
@@ -66,7 +70,7 @@ def frame(scene, samples=16):
 def other_value(value):
     if isinstance(value, tuple):
         return tuple(map(other_value, value))
-    return 2 * value if isinstance(value, int) else 0.9 * value
+    return 2 * value if isinstance(value, int) else 0.95 * value
 
 
 def test_every_parameter_is_part_of_what_a_picture_is_made_from(scene):
@@ -146,6 +150,9 @@ def test_light_is_recovered_with_the_scene_s_parameters(scene):
         (RecoveryParameters, {"unseen_share": -0.1}),
         (LightingParameters, {"search_darkest": 0.5}),
         (QuickstartParameters, {"smallest_fov": 90.0}),
+        (LightingParameters, {"sun_good_error": 0.2}),
+        (LightingParameters, {"edge_reaches": ()}),
+        (ChecksParameters, {"sun_near": 5.0}),
         (CaptureParameters, {"black": 0.99}),
         (MirrorBallParameters, {"rim_starts": (4, 1)}),
         (CalibrationParameters, {"view_fovs": (40.0, 180.0)}),

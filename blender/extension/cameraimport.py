@@ -74,16 +74,12 @@ def _lens(camera, table: Mapping[str, Any]) -> tuple[int, int]:
         settings.panorama_type, settings.fisheye_fov = FISHEYES[mapping], fov
         settings.fisheye_lens = camera.sensor_width / (4.0 * math.sin(0.25 * fov))
         return width, width
-    for name, (meant, across, down) in PROJECTIONS.items():
-        if kind == meant and table.get("layout", {"cubemap": "3x2", "vr180": "side-by-side"}.get(kind)) in (
-            None,
-            "3x2",
-            "side-by-side",
-        ):
+    for name, projection in PROJECTIONS.items():
+        if kind == projection.kind and table.get("layout", projection.layout) == projection.layout:
             settings.panorama_type, camera.lightdepth.projection = "EQUIRECTANGULAR", name
             if "interocular_distance" in table:
                 camera.stereo.interocular_distance = table["interocular_distance"]
-            return width, width * down // across
+            return width, width * projection.down // projection.across
     raise CameraTableError(f"a camera of type '{kind}' has no counterpart in Blender")
 
 

@@ -11,14 +11,49 @@ from mathutils import Matrix
 from .picking import capture_pose
 
 FISHEYES = {"FISHEYE_EQUIDISTANT": "equidistant", "FISHEYE_EQUISOLID": "equisolid"}
-PROJECTIONS = {"CUBEMAP": ("cubemap", 3, 2), "EAC": ("eac", 3, 2), "VR180": ("vr180", 2, 1)}
-"""Cameras of the scene file by the camera's setting ``projection``, and how their width is to their height."""
 CAMERA_TURN = Matrix(((1, 0, 0), (0, 0, 1), (0, -1, 0)))
 """Turns the scene file's camera space (looks along +y, z up) into Blender's (looks along -z, y up)."""
 
 
 class CameraError(Exception):
     """The camera's settings have no counterpart."""
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A camera of the scene file that Blender's own panoramic lenses do not have.
+
+    Attributes:
+        kind: its ``type`` in the scene file.
+        label: its name in Blender.
+        description: likewise.
+        across: its width, relative to ``down``.
+        down: its height.
+        layout: the one of its layouts that is meant; ``None`` where it has one alone.
+        two_eyes: whether it shows two views, with Blender's interocular distance.
+    """
+
+    kind: str
+    label: str
+    description: str
+    across: int
+    down: int
+    layout: str | None = None
+    two_eyes: bool = False
+
+
+PROJECTIONS = {
+    "CUBEMAP": Projection(
+        "cubemap", "Cubemap", "Six faces of 90 degrees, three beside each other in two rows", 3, 2, "3x2"
+    ),
+    "EAC": Projection(
+        "eac", "Equi-Angular Cubemap", "As YouTube takes it: three faces beside each other in two rows", 3, 2
+    ),
+    "VR180": Projection(
+        "vr180", "VR180", "The front half of the sphere for each eye, side by side", 2, 1, "side-by-side", two_eyes=True
+    ),
+}
+"""Such cameras by the camera's setting ``projection``. A new one is an entry here."""
 
 
 @dataclass(frozen=True)
@@ -289,7 +324,8 @@ def _panoramic(name, camera, width, height):
 
 def _projected(name, camera, width, height) -> dict[str, Any]:
     """A camera that Blender's own panoramic lenses do not have."""
-    kind, across, down = PROJECTIONS[camera.lightdepth.projection]
+    projection = PROJECTIONS[camera.lightdepth.projection]
+    kind, across, down = projection.kind, projection.across, projection.down
     if width * down != height * across or width % across:
         size = max(width // across, 1)
         raise CameraError(
@@ -297,7 +333,7 @@ def _projected(name, camera, width, height) -> dict[str, Any]:
             f"could be {size * across} x {size * down}"
         )
     table = {"type": kind, "width": width}
-    if kind == "vr180":
+    if projection.two_eyes:
         return table | {"interocular_distance": camera.stereo.interocular_distance}
     return table
 

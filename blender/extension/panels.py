@@ -6,7 +6,7 @@ from typing import ClassVar
 import bpy
 
 from . import calibration, cameraimport, checking, export, modelling, panorama, reallights, rest, roles, viewpoints
-from .cameras import panoramic
+from .cameras import PROJECTIONS, panoramic
 from .evaluation import ENGINE
 from .passes import MATTES
 
@@ -369,8 +369,8 @@ class PanoramicLensPanel(_Rendering, bpy.types.Panel):
         settings = panoramic(camera)
         layout.use_property_split = True
         layout.prop(camera.lightdepth, "projection")
-        if camera.lightdepth.projection != "CAMERA":
-            if camera.lightdepth.projection == "VR180":
+        if camera.lightdepth.projection in PROJECTIONS:
+            if PROJECTIONS[camera.lightdepth.projection].two_eyes:
                 layout.prop(camera.stereo, "interocular_distance")
             return
         layout.prop(settings, "panorama_type")

@@ -15,6 +15,7 @@ from bpy.props import (
 )
 
 from . import panorama, pictures, roles
+from .cameras import PROJECTIONS
 
 METHODS = (
     ("difference", "Difference", "Only what the new objects change is sampled; the photograph stays noise-free"),
@@ -208,9 +209,7 @@ class CameraSettings(bpy.types.PropertyGroup):
         description="Panoramic projections that Blender's own lenses lack",
         items=(
             ("CAMERA", "As Panorama Type", "The lens that Blender has"),
-            ("CUBEMAP", "Cubemap", "Six faces of 90 degrees, three beside each other in two rows"),
-            ("EAC", "Equi-Angular Cubemap", "As YouTube takes it: three faces beside each other in two rows"),
-            ("VR180", "VR180", "The front half of the sphere for each eye, side by side"),
+            *((name, each.label, each.description) for name, each in PROJECTIONS.items()),
         ),
     )
     distortion: FloatVectorProperty(

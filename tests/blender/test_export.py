@@ -5,7 +5,9 @@ import tomllib
 
 import numpy as np
 import pytest
+from pydantic import TypeAdapter
 
+from lightdepth.cameras import CameraSettings
 from lightdepth.scene.load import load_scene
 
 NAME = 'Würfel "A"'
@@ -143,6 +145,17 @@ def test_cameras_of_a_scene_file_come_back_as_they_were(exported):
     np.testing.assert_allclose(after.film_of(points)[0], before.film_of(points)[0], atol=1e-6)
     assert again["looking"].camera.aperture == pytest.approx(0.01, rel=1e-5)
     assert "a camera of type 'dome_master' has no counterpart in Blender" in found["said"]
+
+
+def test_every_projection_that_blender_lacks_is_a_camera_of_the_renderer(exported):
+    found = exported[1]
+    assert found["offered"]
+    for each in found["projections"]:
+        table = {"type": each["kind"], "width": 12 * each["across"]}
+        camera = TypeAdapter(CameraSettings).validate_python(table)
+        assert camera.resolution == (12 * each["across"], 12 * each["down"])
+        assert getattr(camera, "layout", None) == (each["layout"] or getattr(camera, "layout", None))
+        assert hasattr(camera, "interocular_distance") == each["two_eyes"]
 
 
 def test_a_panorama_type_that_is_not_rendered_is_named(exported):

@@ -11,6 +11,7 @@ from lightdepth.checks.inspection import find_problems
 from lightdepth.checks.problem import Severity
 from lightdepth.checks.view import look_around
 from lightdepth.directions import look_at_rotation
+from lightdepth.parameters import ChecksParameters
 from lightdepth.scene.materials import Emitter
 from lightdepth.scene.model import CameraView, SyntheticObject
 from tests.checks.rooms import CAPTURE, box, room, scene, sphere
@@ -37,6 +38,13 @@ def test_a_size_that_cannot_be_meant_is_reported(radius, words):
     if words:
         assert words in found[0]
         assert "scale = 0.001" in found[0]
+
+
+def test_which_sizes_can_be_meant_goes_by_the_parameters():
+    room_with_ball = scene(synthetic=[sphere([0.0, 1.5, 0.3], 0.3)])
+    small = find_problems(room_with_ball, tuned=ChecksParameters(largest_object=0.5))
+    assert any("is 0.6 x 0.6 x 0.6 m large" in problem.message for problem in small)
+    assert not find_problems(room_with_ball)
 
 
 def test_a_distant_sun_may_be_large():

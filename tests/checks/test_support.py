@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from lightdepth.checks import Severity, find_problems
+from lightdepth.parameters import ChecksParameters
 from lightdepth.scene.model import Mesh
 
 from .rooms import RealSurface, Role, box, room, scene, side
@@ -15,6 +16,17 @@ def test_share_of_support_behind_a_screen():
     assert '"floor"' in problem.message
     share = float(problem.message.split("cannot see ")[1].split(" %")[0])
     assert share == pytest.approx(25.0, abs=1.5)
+
+
+def test_what_is_reported_goes_by_the_parameters():
+    """The place is the same, and what was found of it is kept: not for other parameters."""
+    place = scene([*room(), SCREEN])
+    for tuned, found in (
+        (ChecksParameters(), [Severity.HINT]),
+        (ChecksParameters(much_unseen_support=0.2), [Severity.WARNING]),
+        (ChecksParameters(unseen_support=0.3), []),
+    ):
+        assert [problem.severity for problem in find_problems(place, tuned=tuned)] == found
 
 
 def test_support_that_is_wholly_unseen():

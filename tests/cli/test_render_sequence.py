@@ -16,6 +16,7 @@ from PIL import Image
 from lightdepth.film.layers import read_frame
 from lightdepth.images.exr import read_exr
 from lightdepth.images.tonemapping import tone_map
+from lightdepth.sequence.claims import take
 
 from .room_folder import edit, make_room
 
@@ -122,6 +123,10 @@ def test_a_second_call_renders_what_is_missing_and_what_is_not_whole(scene, shot
     whole = (copied / "shot.04.exr").read_bytes()
     (copied / "shot.04.exr").write_bytes(whole[: len(whole) * 9 // 10])
     (copied / "shot.06.exr").write_bytes(b"no picture")
+    # Of a process that was killed between a frame and the end of its claim.
+    take(copied / "shot.03.claim")
+    facts = json.loads((copied / "shot.03.claim").read_text())
+    (copied / "shot.03.claim").write_text(json.dumps({**facts, "began": "1"}))
     before = {path: path.stat().st_mtime_ns for path in copied.glob("*.exr")}
     pattern = copied / "shot.##.exr"
     expected = dict.fromkeys(range(1, LAST + 1), "current") | {2: "missing", 4: "damaged", 6: "damaged"}
@@ -131,6 +136,7 @@ def test_a_second_call_renders_what_is_missing_and_what_is_not_whole(scene, shot
     status, events, _ = render(scene, "--frames", f"1-{LAST}", "-o", pattern)
     assert status == 0
     assert states(events) == {n: "rendered" if n in (2, 4, 6) else "current" for n in range(1, LAST + 1)}
+    assert list(copied.glob("*.claim")) == []
     for number in range(1, LAST + 1):
         assert pixels(copied / f"shot.{number:02}.exr") == pixels(shot[0] / f"shot.{number:02}.exr")
 

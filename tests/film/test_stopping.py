@@ -248,7 +248,7 @@ def test_sums_of_regions_are_parts_that_can_be_saved_and_merged_again(scene, tmp
         merge([parts[0], parts[4]])
     with pytest.raises(InputError, match=r"holds other shares \(1/2\) than part 1 \(1/2, 2/2\)"):
         merge([merge(sums).within(regions[0]), parts[1]])
-    with pytest.raises(InputError, match="another number of paths from the light"):
+    with pytest.raises(InputError, match="another number of light paths"):
         merge([parts[0], replace(parts[1], light_count=1)])
     with pytest.raises(InputError, match=r"region = \(20, 0, 30, 9\): the sums have no pixel in it"):
         parts[0].within((20, 0, 30, 9))

@@ -10,6 +10,7 @@ from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, InputWarning
 from lightdepth.images.distances import along_rays, check_kind, likely_kind, read_distances, warn_of_sky, warn_of_unit
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
+from lightdepth.parameters import DistancesParameters
 from lightdepth.scene.depth import read_depth
 
 FAULTS = Path(__file__).parents[1] / "faults"
@@ -149,6 +150,7 @@ def test_kinds_are_distinguished_and_converted():
         assert known.mean() > 0.97
         np.testing.assert_allclose(back[known], truth[known], rtol=1e-9)
     assert likely_kind(truth * forward) == "z"
+    assert likely_kind(truth * forward, DistancesParameters(fewest_known=truth.size + 1)) == "ray"
     np.testing.assert_array_equal(along_rays(truth * forward, "z"), along_rays(truth * np.abs(forward), "z"))
     assert np.isinf(along_rays(np.zeros((8, 16)), "disparity")).all()
     assert np.isnan(along_rays(np.full((8, 16), np.nan), "disparity")).all()

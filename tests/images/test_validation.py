@@ -9,6 +9,7 @@ from lightdepth.directions import latlong_to_direction
 from lightdepth.errors import InputError
 from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import clipped_plateau, find_defects, validate_panorama
+from lightdepth.parameters import ChecksParameters
 
 FILE = Path("room.exr")
 
@@ -108,6 +109,13 @@ def test_a_clipped_panorama_is_recognised(shared_data):
     assert plateau.count == flat.sum() > 3000
     weight = np.sin(np.pi * (np.arange(512) + 0.5) / 512)
     assert plateau.share == pytest.approx(flat.sum(axis=1) @ weight / (weight.sum() * 1024), rel=1e-4)
+
+
+def test_what_counts_as_clipped_goes_by_the_parameters():
+    radiance = panorama()
+    radiance[3, 4:12] = 100.0
+    assert clipped_plateau(radiance) is None
+    assert clipped_plateau(radiance, ChecksParameters(plateau_pixels=8)).count == 8
 
 
 def test_half_floats_that_overflowed_are_recognised():

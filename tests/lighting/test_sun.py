@@ -9,7 +9,7 @@ from lightdepth.errors import InputError
 from lightdepth.kernel.start import start
 from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.sun import recover_sun
-from lightdepth.lighting.sun_mask import masked_suns, recover_mask
+from lightdepth.lighting.sun_mask import recover_mask, with_masks
 from lightdepth.lighting.sunlight import Sunlight
 from lightdepth.scene.lights.frame import sun_axes, sun_direction
 from lightdepth.scene.model import SunLight
@@ -92,7 +92,7 @@ def test_bars_that_are_not_modelled_are_in_the_mask(without_bars, barred, true_d
     # A scene that asks for the mask is prepared with the same one.
     light = replace(sun.light(), recover_mask=True)
     settings = replace(without_bars.render, draft=True, irradiance_samples=16)
-    (prepared,) = prepare_place(replace(without_bars, lights=(light,), render=settings)).place.suns
+    (prepared,) = prepare_place(replace(without_bars, lights=(light,), render=settings)).place.declared
     bar = [[x, 2.8, 1.0] for x in np.linspace(0.89, 1.01, 9)]
     points = np.array([[0.63, 2.8, 1.93], [3.0, 2.8, 1.0], *bar], np.float32)
     pane, beside, *across = prepared.transmittance(mi.Point3f(points.T)).numpy()[0]
@@ -106,7 +106,7 @@ def test_a_mask_of_a_patch_that_the_photograph_does_not_show_is_refused(barred_s
     with pytest.raises(
         InputError, match=r"\[\[light\]\] 'west sun', mask = \"recover\": .* shows 2 pixels of the patch"
     ):
-        masked_suns(replace(barred_scene, lights=(elsewhere,)))
+        with_masks(replace(barred_scene, lights=(elsewhere,)))
 
 
 def test_a_closed_room_has_no_sun(barred_scene):

@@ -8,6 +8,7 @@ from lightdepth.directions import pixel_directions
 from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.lightmap.building import build_light_depth_map
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.parameters import PlaceParameters
 from tests.lightmap.rooms import POSITION, ROTATION, box, box_depth, scene, to_mesh
 
 
@@ -95,6 +96,8 @@ def test_a_large_image_is_thinned_out():
     depth = box_depth(pixel_directions(300, 600) @ ROTATION.T).astype(np.float32)
     mesh = mesh_from_depth(depth, POSITION, ROTATION, max_width=256)
     assert len(mesh.vertices) == 200 * 100 + 2
+    as_tuned = mesh_from_depth(depth, POSITION, ROTATION, tuned=PlaceParameters(depth_width=256))
+    np.testing.assert_array_equal(as_tuned.vertices, mesh.vertices)
     offsets = mesh.vertices[1:-1] - POSITION
     distances = np.linalg.norm(offsets, axis=1)
     check_distances(distances, box_depth(offsets / distances[:, None]), np.pi / 100)

@@ -18,6 +18,7 @@ from lightdepth.errors import InputError  # noqa: E402
 from lightdepth.place.place import Place  # noqa: E402
 from lightdepth.place.real_surfaces import merge_real_surfaces  # noqa: E402
 from lightdepth.place.traced_surfaces import TracedSurfaces  # noqa: E402
+from lightdepth.preparation.place import prepare_place  # noqa: E402
 from lightdepth.recovery.irradiance import estimate_irradiance  # noqa: E402
 from lightdepth.scene.lights.frame import azimuth_and_elevation, sun_axes, sun_direction  # noqa: E402
 from lightdepth.scene.materials import Diffuse  # noqa: E402
@@ -107,7 +108,7 @@ def black_room(objects=(), opening=True, suns=(SUN,), **settings):
 
 
 def place_of(scene):
-    return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), suns=scene.lights)
+    return Place(scene.panorama, TracedSurfaces(merge_real_surfaces(scene.real)), declared=scene.lights)
 
 
 IN_PATCH = np.array([[0.2, 0.1, 0.0], [0.5, -0.2, 0.0]], np.float32)
@@ -140,7 +141,7 @@ def test_half_of_the_disc_lights_the_middle_of_the_penumbra():
 def test_light_paths_are_shared_by_what_stands_out_of_the_photograph():
     """Half of the sphere is three times as bright as the other: a quarter of its light lies above the mean.
 
-    Photograph and sun are weighed by the squares of one quarter and three quarters.
+    Photograph and sun are weighted by the squares of one quarter and three quarters.
     """
     image = np.ones((32, 64, 3), np.float32)
     image[:16] = 3.0
@@ -163,13 +164,21 @@ def test_a_mask_holds_back_its_share():
     assert found[1].max() < 1e-3 * found[0].min()
 
 
+def test_a_place_without_light_but_the_sun_is_prepared_without_dividing_by_it():
+    """At first, most of its vertices get no light at all: what edges deviate by there is relative to nothing."""
+    prepared = prepare_place(black_room(irradiance_samples=64), infinite=True)
+    assert (prepared.real.irradiance == 0.0).any()
+    assert np.isfinite(prepared.real.irradiance).all()
+    assert prepared.real.irradiance.max() > 0.0
+
+
 def test_what_samples_and_rays_say_of_the_sun_agrees():
     place = place_of(black_room())
     point = mi.Point3f(*IN_PATCH[0].tolist())
     lights = place.presample_lights(np.random.default_rng(4), 4096)
     u = (dr.arange(mi.Float, 4096) + 0.5) / 4096
     light = place.sample_light(lights, u, dr.fma(u, 7.0, 0.3) - dr.floor(dr.fma(u, 7.0, 0.3)), place.shares)
-    is_sun = light.is_sun.numpy()
+    is_sun = light.light.numpy() == 1
     assert is_sun.sum() == 512
     direction, _, pdf = place.toward(light, point)
     ray = mi.Ray3f(point + mi.Vector3f(0.0, 0.0, 1e-3), direction)

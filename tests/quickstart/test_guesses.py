@@ -126,7 +126,7 @@ def test_the_view_shows_the_objects_whole(far, tall):
     from lightdepth.directions import look_at_rotation
 
     away = np.array([0.6, 0.8, 0.0])
-    spot = FloorSpot(far * away, away, 0.0)
+    spot = FloorSpot(far * away, away, 0.0, True)
     things = [replace(thing, size=np.full(3, tall)) for thing in default_objects()]
     view = view_of(spot, things, 1.6, 1024)
     eye = np.array([0.0, 0.0, 1.6])
@@ -151,7 +151,7 @@ def test_guesses_go_by_their_parameters():
     tuned = QuickstartParameters(ball=0.1, gap=0.0, aspect=0.5, camera_height=1.2, smallest_object=0.3)
     objects = default_objects(tuned)
     np.testing.assert_allclose(offsets(objects, tuned), [-0.1, 0.1])
-    spot = FloorSpot(np.array([0.0, 2.0, 0.0]), np.array([0.0, 1.0, 0.0]), 0.0)
+    spot = FloorSpot(np.array([0.0, 2.0, 0.0]), np.array([0.0, 1.0, 0.0]), 0.0, True)
     view = view_of(spot, objects, 1.5, 1024, tuned)
     assert view.height == view.width / 2
     assert plausible_scale(0.2)[0] == 1.0

@@ -32,7 +32,7 @@ def refined(passes):
     for number in range(passes):
         edges = find_edges(mesh.faces)
         lengths = mesh.lengths(edges)
-        near = np.linalg.norm(mesh.middles(edges)[:, :2] - SHARP, axis=1) < 2.0 * 0.6**number
+        near = np.linalg.norm(mesh.middles(edges, 0.01)[:, :2] - SHARP, axis=1) < 2.0 * 0.6**number
         mesh = mesh.halved(edges, lengths, close_marks(edges, lengths, near | (lengths > 0.9)))
     return mesh
 

@@ -1,5 +1,6 @@
 """Sessions: what they report, how they are steered, and that steering does not change the picture."""
 
+import itertools
 import threading
 from dataclasses import replace
 
@@ -149,6 +150,46 @@ def test_a_changed_scene_begins_again(scene):
     assert session.wait(PATIENCE)
     assert sum(isinstance(event, Done) for event in session.told) == 1
     assert session.shown.frame.beauty.tobytes() == plain(other, 8)
+
+
+def test_a_killed_process_would_lose_no_more_than_asked_for(scene, tmp_path, monkeypatch):
+    """By a clock that passes of nine seconds drive, so that no machine is too slow for it."""
+
+    class Clock:
+        now = 0.0
+
+        @classmethod
+        def monotonic(cls):
+            return cls.now
+
+    checkpoint, states = tmp_path / "x.checkpoint", []
+    monkeypatch.setattr("lightdepth.session.session.time", Clock)
+    monkeypatch.setattr("lightdepth.session.session.write_checkpoint", lambda *_: states.append(Clock.now))
+    session = Watched(scene)
+
+    def tick(event):
+        if isinstance(event, Progress):
+            Clock.now += 9.0
+
+    session.on(tick)
+    session.run(Job("view", 32, checkpoint=checkpoint, checkpoint_seconds=30.0))
+    assert len(states) > 3
+    assert states[-1] == Clock.now  # Denoising and writing would lose nothing of it.
+    assert max(later - first for first, later in itertools.pairwise([0.0, *states])) <= 30.0
+    assert min(later - first for first, later in itertools.pairwise(states[:-1])) > 20.0
+    monkeypatch.undo()
+
+    def keep(event):
+        if event == Stage("writing"):
+            checkpoint.rename(tmp_path / "kept.checkpoint")
+
+    again = Watched(scene)
+    again.on(keep)
+    again.run(Job("view", 8, checkpoint=checkpoint, checkpoint_seconds=0.0))
+    last = Watched(scene)
+    last.run(Job("view", 8, checkpoint=tmp_path / "kept.checkpoint", resume=True))
+    assert [event.fraction for event in last.told if isinstance(event, Progress)] == [1.0]
+    assert last.shown.frame.beauty.tobytes() == again.shown.frame.beauty.tobytes()
 
 
 def test_several_threads_may_steer_it(scene):

@@ -164,7 +164,7 @@ def refine(points: SharedPoints, pose: RelativePose, tuned: CalibrationParameter
     Args:
         points: all of which count.
         pose: near the solution.
-        tuned: how points are weighed.
+        tuned: how points are weighted.
     """
     refined = _solved(points, tuned, [Rotation.from_matrix(pose.rotation)])
     count = len(points.names)
@@ -215,7 +215,7 @@ def _solved(points: SharedPoints, tuned: CalibrationParameters, starts: list[Rot
         return np.asarray((Rotation.from_rotvec(vector[:3]) * start).as_matrix()), vector[3:]
 
     def fitted(rotation: Rotation, position: FloatArray) -> tuple[float, Rotation, FloatArray, FloatArray]:
-        """Cost, rotation, position and Jacobian near a start; points are weighed as from there."""
+        """Cost, rotation, position and Jacobian near a start; points are weighted as from there."""
         whiten = _whitening(points, position, tuned)
 
         def errors(vector: FloatArray) -> FloatArray:

@@ -56,7 +56,7 @@ class DomeStereo(Stereo):
         return FilmPoint(self._dome.to_camera(seen.origin), film, inside & seen.inside, seen.weight)
 
     def eye_solid_angle(self, direction: mi.Vector3f) -> mi.Float:
-        """As the base has it; with convergence, but for the square of the eyes' distance relative to it."""
+        """As in the base class; with convergence, but for the square of the eyes' distance relative to it."""
         return self._dome.solid_angle(self._dome.from_camera(direction))
 
     @property

@@ -65,7 +65,7 @@ class OmnidirectionalStereo(Stereo):
         return FilmPoint(seen.origin, mi.Point2f(x - dr.floor(x), y), seen.inside, seen.weight)
 
     def eye_solid_angle(self, direction: mi.Vector3f) -> mi.Float:
-        """As the base has it; with convergence, but for the square of the eyes' distance relative to it."""
+        """As in the base class; with convergence, but for the square of the eyes' distance relative to it."""
         import drjit as dr
 
         return dr.two_pi * dr.pi * dr.safe_sqrt(1.0 - dr.square(direction.z))

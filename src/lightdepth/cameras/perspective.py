@@ -28,7 +28,7 @@ class Perspective(Camera):
     tangent of half of it. ``look_at`` replaces ``rotation``; ``aperture`` is the lens's radius in metres (0: everything
     is sharp) and ``focus_distance`` the distance of the sharp plane in metres, which defaults to the distance of
     ``look_at``. ``shift`` moves the image by these shares of its width, to the right and up, as a shift lens does;
-    ``principal_point``, in shares of width and height from the upper left corner, says the same as surveyors do.
+    ``principal_point``, in shares of width and height from the upper left corner, is the same in photogrammetry's terms.
     ``distortion`` are the coefficients k1 and k2 of
     :class:`~lightdepth.cameras.distortion.RadialDistortion`, around the principal point.
     """

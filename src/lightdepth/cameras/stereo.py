@@ -1,4 +1,4 @@
-"""What cameras for two eyes share: how the eyes' pictures lie on the film, and which of them shows a point."""
+"""Base of the cameras for two eyes: how the eyes' pictures lie on the film, and which of them shows a point."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class Stereo(Camera):
         return self.eye_rays(right, mi.Point2f(x, y), lens)
 
     def film_point(self, target: mi.Point3f, lens: mi.Point2f) -> FilmPoint:
-        """As the base has it; the first number of ``lens`` picks the eye, the left one below 0.5."""
+        """As in the base class; the first number of ``lens`` picks the eye, the left one below 0.5."""
         import drjit as dr
         import mitsuba as mi
 

@@ -97,7 +97,7 @@ class StereoPerspective(Stereo):
 
     @property
     def _inward(self) -> float:
-        """By which the right eye's film is moved, in shares of its width."""
+        """By which the right eye's film is shifted, in shares of its width."""
         if self.convergence_distance is None:
             return 0.0
         slope = 0.5 * self.interocular_distance / self.convergence_distance

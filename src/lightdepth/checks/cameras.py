@@ -13,21 +13,12 @@ from lightdepth.checks.view import CaptureView, enclosure, sphere
 from lightdepth.kernel.arrays import aligned_columns
 from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.kernel.start import start
+from lightdepth.parameters.checks import ChecksParameters
 from lightdepth.scene.identity import digest
 from lightdepth.scene.model import CameraView, Scene
 
-AROUND = 0.75
-"""From this share of directions on that meet an object, a point is inside it."""
-FINER = 3.0
-"""Times the photograph's pixels per degree from which on it is visibly soft beside sharp objects."""
-MUCH_UNSEEN = 0.15
-"""Share of a camera's view that the capture point did not see from which a word is due."""
-FAR = 0.5
-"""A camera so far from the capture point, relative to the usual distance of surfaces, shows every error of their model."""
 FAR_POINT = 1000.0
 """Metres to points that both eyes of a camera see in the same direction."""
-MOSTLY_CLOSED, MUCH_LESS = 2 / 3, 0.75
-"""As for objects: where the capture point is in a room, and what is not in the same one."""
 AT_CAPTURE_POINT = 1e-3
 """Metres."""
 MOST_KNOWN = 256
@@ -45,7 +36,7 @@ def camera_problems(
         known: what was found of cameras in this place before, by their digest; it is added to.
         hints: with what gives nothing but hints.
     """
-    problems = _around(scene)
+    problems = _around(scene, views[0].tuned)
     while len(known) > MOST_KNOWN:
         known.pop(next(iter(known)))
     for name, camera in scene.cameras.items():
@@ -69,11 +60,11 @@ def _problems_of(
     if not hints:
         return []
     nearest = min(views, key=lambda view: float(np.linalg.norm(camera.position - view.position)))
-    soft, far = _softness(camera, scene), _far_away(camera, nearest, views)
+    soft, far = _softness(camera, scene, nearest.tuned), _far_away(camera, nearest, views)
     return [Problem(Severity.HINT, f"{where}: {message}") for message in (soft, far) if message is not None]
 
 
-def _around(scene: Scene) -> list[Problem]:
+def _around(scene: Scene, tuned: ChecksParameters) -> list[Problem]:
     points = {"the capture point": scene.panorama.position}
     for name, camera in scene.cameras.items():
         if np.linalg.norm(camera.position - scene.panorama.position) > AT_CAPTURE_POINT:
@@ -87,12 +78,12 @@ def _around(scene: Scene) -> list[Problem]:
             continue
         caster = RayCaster([mesh])
         for what in inside:
-            if enclosure(caster, points[what]) >= AROUND:
+            if enclosure(caster, points[what], tuned.enclosure_rays) >= tuned.around:
                 problems.append(
                     Problem(
                         Severity.WARNING,
                         f'[[synthetic]] "{thing.name}": stands around {what}, which sees nothing but its inside; is its '
-                        "size or its place wrong?",
+                        "size or its position wrong?",
                     )
                 )
     return problems
@@ -101,19 +92,19 @@ def _around(scene: Scene) -> list[Problem]:
 def _has_left(camera: CameraView, capture: CaptureView) -> bool:
     """Whether a camera is not in the room in which the capture point is."""
     covered = capture.share(capture.surface >= 0)
-    if capture.sky or covered <= MOSTLY_CLOSED:
+    if capture.sky or covered <= capture.tuned.mostly_closed:
         return False
     if np.any((camera.position < capture.low) | (camera.position > capture.high)):
         return True
-    return enclosure(capture.caster, camera.position) < MUCH_LESS * covered
+    return enclosure(capture.caster, camera.position, capture.tuned.enclosure_rays) < capture.tuned.same_room * covered
 
 
-def _softness(view: CameraView, scene: Scene) -> str | None:
+def _softness(view: CameraView, scene: Scene, tuned: ChecksParameters) -> str | None:
     width = max(panorama.radiance.shape[1] for panorama in scene.panoramas)
     if not width:
         return None
     finer = pixels_per_degree(view) / (width / 360.0)
-    if finer < FINER:
+    if finer < tuned.soft:
         return None
     return (
         f"has {pixels_per_degree(view):.3g} pixels to a degree, the panorama {width / 360.0:.3g}: the photograph will be "
@@ -133,7 +124,7 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
     distance = float(np.linalg.norm(view.position - capture.position))
     if distance < AT_CAPTURE_POINT:
         return None
-    directions = _directions(view)
+    directions = _directions(view, capture.tuned)
     hits = capture.caster.cast(view.position, directions)
     met = np.isfinite(hits.distance)
     if not met.any():
@@ -141,18 +132,18 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
     points = view.position + hits.distance[met, None] * directions[met]
     share = float(np.all([unseen(points, each) for each in captures], axis=0).mean()) * float(met.mean())
     usual = float(np.median(capture.distance[np.isfinite(capture.distance)]))
-    if share < MUCH_UNSEEN and distance < FAR * usual:
+    if share < capture.tuned.unseen_view and distance < capture.tuned.far * usual:
         return None
     nearest = "nearest capture point" if len(captures) > 1 else "capture point"
-    hidden = f"{100.0 * share:.0f} % of what it sees is occluded from there and has a colour from elsewhere, and "
+    hidden = f"{100.0 * share:.0f} % of its view is occluded from there and has a colour from elsewhere, and "
     return (
         f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; "
-        f"{hidden if share >= 0.005 else ''}errors of the model show. Stay nearer, or model finer"
+        f"{hidden if share >= 0.005 else ''}errors of the model are visible. Move it nearer, or refine the model"
     )
 
 
-def _directions(view: CameraView) -> NDArray[np.float64]:
+def _directions(view: CameraView, tuned: ChecksParameters) -> NDArray[np.float64]:
     """Distributed over what a camera sees, unit, world, shape (n, 3)."""
     start()
-    everywhere = sphere(4000)
+    everywhere = sphere(tuned.camera_rays)
     return everywhere[view.on_film(aligned_columns(view.position + FAR_POINT * everywhere))[1]]

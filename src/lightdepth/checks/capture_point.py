@@ -10,17 +10,6 @@ from numpy.typing import NDArray
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.view import CaptureView, enclosure
 
-NEAREST = 0.02
-"""Metres: no lens comes as near to a surface."""
-THINNEST_PLACE = 0.1
-"""Metres between opposite surfaces: no camera stands in less."""
-THICKEST_WALL = 0.6
-"""Metres: between opposite faces that both look away, one stands inside something solid."""
-CLOSED = 0.9
-"""From this share of directions on that meet something, a point is taken to be in a closed room."""
-SMALLEST_ROOM = 1.5
-"""Metres along each axis: anything smaller that is closed is a thing, not a room."""
-
 
 def capture_point_problems(
     view: CaptureView, inside: Iterable[NDArray[np.floating]], name: str = "[panorama]"
@@ -45,7 +34,7 @@ def _in_a_wall(view: CaptureView) -> str | None:
     if not np.isfinite(distance):
         return None
     name = view.names[view.surface[nearest]]
-    if distance < NEAREST:
+    if distance < view.tuned.nearest_surface:
         return (
             f'lies {1000 * distance:.1f} mm from the surface of "{name}"; it must be where the camera\'s lens was, '
             "at its height above the floor"
@@ -53,8 +42,8 @@ def _in_a_wall(view: CaptureView) -> str | None:
     opposite = np.roll(view.distance[::-1], view.distance.shape[1] // 2, axis=1)
     thickness = float(np.min(view.distance + opposite))
     hit = view.surface >= 0
-    solid = view.share(hit & view.from_behind) > CLOSED * view.share(hit)
-    if thickness < THINNEST_PLACE or (thickness < THICKEST_WALL and solid):
+    solid = view.share(hit & view.from_behind) > view.tuned.closed * view.share(hit)
+    if thickness < view.tuned.thinnest_place or (thickness < view.tuned.thickest_wall and solid):
         return (
             f'is inside "{name}", between surfaces only {thickness:.2f} m apart; it must be where the camera\'s lens '
             "was (are the meshes in metres?)"
@@ -66,12 +55,12 @@ def _outside(view: CaptureView, inside: Iterable[NDArray[np.floating]]) -> str |
     """Where another point is enclosed by the room, and the capture point is not; ``None`` if that is not so."""
     low, high = view.low, view.high
     seen = view.share(view.surface >= 0)
-    if seen > 0.75 or np.any(high - low < SMALLEST_ROOM):
+    if seen > view.tuned.outside or np.any(high - low < view.tuned.smallest_room):
         return None
     middles = [low + (high - low) * [0.5, 0.5, height] for height in (0.25, 0.5, 0.75)]
     for point in [*middles, *inside]:
-        enclosed = enclosure(view.caster, point)
-        if enclosed >= CLOSED:
+        enclosed = enclosure(view.caster, point, view.tuned.enclosure_rays)
+        if enclosed >= view.tuned.closed:
             return (
                 f"is outside the room: a real surface is seen in {100 * seen:.0f} % of directions from there, but in "
                 f"{100 * enclosed:.0f} % of them from {_point(point)}"

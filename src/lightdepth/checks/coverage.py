@@ -11,12 +11,9 @@ from numpy.typing import NDArray
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.sampling import unseen_shares
 from lightdepth.checks.view import CaptureView
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 from lightdepth.regions import connected_regions
 from lightdepth.scene.model import Scene
-
-SMALLEST_HOLE = 1e-4
-"""Share of all directions, two degrees by two. What is connected and smaller is a seam between meshes, not a hole, and
-not worth a word where all of it together is smaller."""
 
 
 @dataclass(frozen=True)
@@ -84,26 +81,27 @@ def measure_coverage(view: CaptureView, scene: Scene, views: Sequence[CaptureVie
     )
 
 
-def hole_problems(coverage: Coverage, unread: int = 0) -> list[Problem]:
+def hole_problems(coverage: Coverage, unread: int = 0, tuned: ChecksParameters = DEFAULT) -> list[Problem]:
     """Tell of holes: light that comes from a surface would be placed infinitely far away.
 
     Args:
         coverage: of the real surfaces that are there.
         unread: how many further ones could not be read.
+        tuned: what is a hole.
     """
     hole = coverage.largest_hole
-    if hole is None or 1.0 - coverage.share < SMALLEST_HOLE:
+    if hole is None or 1.0 - coverage.share < tuned.smallest_hole:
         return []
     x, y, z = hole.direction
     pixel = "" if hole.row is None else f"row {hole.row}, column {hole.column}; "
     without = f", without {_surfaces(unread)} that could not be read," if unread else ""
     return [
         Problem(
-            Severity.WARNING if hole.share < SMALLEST_HOLE else Severity.ERROR,
+            Severity.WARNING if hole.share < tuned.smallest_hole else Severity.ERROR,
             f"[[real]]: {_percent(1.0 - coverage.share)} of all directions{without} hit no real surface; the largest "
             f"hole ({_percent(hole.share)}) is around azimuth {hole.azimuth:.1f}, elevation {hole.elevation:.1f} "
             f"degrees of the panorama ({pixel}world direction {x:.3f} {y:.3f} {z:.3f}). Close it with a mesh; where "
-            "nothing but sky is left open, write `sky = true` into [panorama]",
+            "nothing but sky is left open, write `sky = true` in [panorama]",
         )
     ]
 

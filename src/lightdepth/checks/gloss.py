@@ -6,19 +6,22 @@ from dataclasses import replace
 
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.kernel.start import start
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 from lightdepth.scene.model import Scene
 
-HALF = 0.5
-"""Share of a lobe that is left, below which a user had better know."""
 
+def gloss_problems(scene: Scene, tuned: ChecksParameters = DEFAULT) -> list[Problem]:
+    """Find gloss that would mirror more than the photograph shows, so that it is scaled down.
 
-def gloss_problems(scene: Scene) -> list[Problem]:
-    """Find gloss that would mirror more than the photograph shows, so that it is scaled down."""
+    Args:
+        scene: the scene.
+        tuned: how much must be left of a lobe.
+    """
     shiny = [surface for surface in scene.real if surface.gloss is not None]
     if not shiny or not scene.panorama.radiance.size:
         return []
     start()
-    from lightdepth.lighting.sun_mask import masked_suns
+    from lightdepth.lighting.sun_mask import with_masks
     from lightdepth.place.place import Place
     from lightdepth.place.real_surfaces import merge_real_surfaces
     from lightdepth.place.traced_surfaces import TracedSurfaces
@@ -29,9 +32,9 @@ def gloss_problems(scene: Scene) -> list[Problem]:
 
     def place() -> Place:
         traced = TracedSurfaces(replace(surfaces, vertices=surfaces.rest))
-        tuned = scene.render.parameters.place
-        gains = solve_gains(scene.panoramas, traced, scene.render.parameters.balance, tuned).gains
-        return Place(scene.panoramas, traced, suns=masked_suns(scene), gains=gains, parameters=tuned)
+        rooms = scene.render.parameters
+        gains = solve_gains(scene.panoramas, traced, rooms.balance, rooms.place).gains
+        return Place(scene.panoramas, traced, declared=with_masks(scene), gains=gains, parameters=rooms.place)
 
     fitted = fitted_glosses(scene, surfaces, place, scene.render.parameters.recovery)
     scales = dict(zip(surfaces.glosses, (gloss.scale for gloss in fitted), strict=True))
@@ -39,13 +42,13 @@ def gloss_problems(scene: Scene) -> list[Problem]:
     for surface in shiny:
         scale = scales[surface.gloss] if surface.gloss is not None else 1.0
         if scale < 1.0:
-            severity = Severity.WARNING if scale < HALF else Severity.HINT
+            severity = Severity.WARNING if scale < tuned.least_lobe else Severity.HINT
             problems.append(
                 Problem(
                     severity,
                     f'[[real]] "{surface.name}": its gloss would mirror more than the photograph shows; '
                     f"only {100.0 * scale:.0f} % of the lobe is used. "
-                    "Lower specular, or correct what stands around it in the model",
+                    "Lower specular, or correct the model of its surroundings",
                 )
             )
     return problems

@@ -28,6 +28,7 @@ from lightdepth.checks.size import size_problems
 from lightdepth.checks.support import support_problems
 from lightdepth.checks.view import CaptureView, look_around
 from lightdepth.errors import InputError, InputWarning
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 from lightdepth.scene.frames import SceneFrames
 from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.load import Contents
@@ -54,11 +55,15 @@ class Inspection:
     plate: PlateReport | None = None
 
 
-def inspect_file(path: Path) -> Inspection:
+def inspect_file(path: Path, tuned: ChecksParameters = DEFAULT) -> Inspection:
     """Find all that is wrong with a scene file, with the files that it names, and with the scene that they make.
 
     What can be read is checked also where something else cannot be read. Of a sequence, the tables are checked at every
     frame, the scene at those of :func:`~lightdepth.checks.sequence.frames_to_check`.
+
+    Args:
+        path: of the scene file.
+        tuned: what is reported.
 
     Raises:
         SetupError: rays cannot be cast, for libLLVM is missing.
@@ -67,7 +72,10 @@ def inspect_file(path: Path) -> Inspection:
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", InputWarning)
             frames = SceneFrames(path)
-            found = _inspect_contents(frames.contents()) if frames.text.sequence is None else _inspect_frames(frames)
+            if frames.text.sequence is None:
+                found = _inspect_contents(frames.contents(), tuned)
+            else:
+                found = _inspect_frames(frames, tuned)
     except InputError as error:
         return Inspection((Problem(Severity.ERROR, str(error)),), None)
     said = dict.fromkeys(str(warning.message) for warning in caught if issubclass(warning.category, InputWarning))
@@ -75,39 +83,43 @@ def inspect_file(path: Path) -> Inspection:
     return replace(found, problems=_worst_first([*unapplied, *found.problems]))
 
 
-def _inspect_contents(contents: Contents, hints: bool = True) -> Inspection:
+def _inspect_contents(contents: Contents, tuned: ChecksParameters, hints: bool = True) -> Inspection:
     unreadable = [Problem(Severity.ERROR, message) for message in contents.problems]
     if contents.scene is None:
         return Inspection(tuple(unreadable), None)
-    found = _inspect(contents.scene, contents.unread, hints)
+    found = _inspect(contents.scene, tuned, contents.unread, hints)
     return replace(found, problems=(*unreadable, *found.problems))
 
 
-def _inspect_frames(frames: SceneFrames, hints: bool = True) -> Inspection:
-    looked_at, findings, first = frames_to_check(frames), Findings(), Inspection((), None)
+def _inspect_frames(frames: SceneFrames, tuned: ChecksParameters, hints: bool = True) -> Inspection:
+    looked_at, findings, first = frames_to_check(frames, tuned), Findings(), Inspection((), None)
     wrong_tables, plates = frames.table_problems(), []
     for frame in looked_at:
-        found = _inspect_contents(frames.contents(frame), hints)
+        found = _inspect_contents(frames.contents(frame), tuned, hints)
         plates += [] if found.plate is None else [found.plate]
         first = first if first.coverage is not None else found
         # Those of the tables are known, with their frames.
         findings.add(frame, [problem for problem in found.problems if problem.message not in wrong_tables])
     tables = [Problem(Severity.ERROR, message) for message in wrong_tables]
-    return replace(first, problems=(*tables, *gain_problems(plates), *findings.all(looked_at)))
+    return replace(first, problems=(*tables, *gain_problems(plates, tuned), *findings.all(looked_at)))
 
 
-def frames_problems(frames: SceneFrames) -> list[Problem]:
+def frames_problems(frames: SceneFrames, tuned: ChecksParameters = DEFAULT) -> list[Problem]:
     """Find what will spoil pictures of a sequence, the worst first; what may be an oversight is left out.
+
+    Args:
+        frames: the scene.
+        tuned: what is reported.
 
     Raises:
         InputError: there is no sequence.
         SetupError: rays cannot be cast, for libLLVM is missing.
     """
-    found = _inspect_frames(frames, hints=False).problems
+    found = _inspect_frames(frames, tuned, hints=False).problems
     return [problem for problem in _worst_first(found) if problem.severity is not Severity.HINT]
 
 
-def find_problems(scene: Scene, hints: bool = True) -> list[Problem]:
+def find_problems(scene: Scene, hints: bool = True, tuned: ChecksParameters = DEFAULT) -> list[Problem]:
     """Find all that is wrong with a loaded scene, the worst first.
 
     What concerns the place alone is looked at once for each of the places seen last.
@@ -115,28 +127,30 @@ def find_problems(scene: Scene, hints: bool = True) -> list[Problem]:
     Args:
         scene: to be checked.
         hints: also report possible oversights, which takes a closer look.
+        tuned: what is reported.
 
     Raises:
         SetupError: rays cannot be cast, for libLLVM is missing.
     """
-    found = inspect_scene(scene, hints).problems
+    found = inspect_scene(scene, hints, tuned).problems
     return [problem for problem in found if hints or problem.severity is not Severity.HINT]
 
 
-def inspect_scene(scene: Scene, hints: bool = True) -> Inspection:
+def inspect_scene(scene: Scene, hints: bool = True, tuned: ChecksParameters = DEFAULT) -> Inspection:
     """Run all checks and measure the coverage.
 
     Args:
         scene: to be checked.
         hints: with the checks of objects that give nothing but hints.
+        tuned: what is reported.
 
     Raises:
         SetupError: rays cannot be cast, for libLLVM is missing.
     """
-    found = _inspect(scene, hints=hints)
+    found = _inspect(scene, tuned, hints=hints)
     if found.coverage is not None:
         return found
-    message = "[[real]]: there is no real geometry: give meshes of the place, or the depth of the panorama"
+    message = "[[real]]: there is no real geometry; give meshes of the place, or the depth of the panorama"
     return Inspection((Problem(Severity.ERROR, message), *found.problems), None)
 
 
@@ -175,36 +189,37 @@ class _CheckedPlace:
 _checked: OrderedDict[str, _CheckedPlace] = OrderedDict()
 
 
-def _checked_place(scene: Scene, unread: int) -> _CheckedPlace:
-    key = digest(place_digest(scene), [str(panorama.path) for panorama in scene.panoramas], unread)
-    checked = _checked.pop(key, None) or _check_place(scene, unread)
+def _checked_place(scene: Scene, tuned: ChecksParameters, unread: int) -> _CheckedPlace:
+    key = digest(place_digest(scene), [str(panorama.path) for panorama in scene.panoramas], unread, tuned)
+    checked = _checked.pop(key, None) or _check_place(scene, tuned, unread)
     _checked[key] = checked
     while len(_checked) > KEPT:
         _checked.popitem(last=False)
     return checked
 
 
-def _check_place(scene: Scene, unread: int) -> _CheckedPlace:
+def _check_place(scene: Scene, tuned: ChecksParameters, unread: int) -> _CheckedPlace:
     radiance = tuple(
         problem
         for panorama in scene.panoramas
-        for problem in radiance_problems(panorama, panorama_table(scene, panorama))
+        for problem in radiance_problems(panorama, panorama_table(scene, panorama), tuned)
     )
     if not scene.real and all(panorama.depth is None for panorama in scene.panoramas):
         return _CheckedPlace((), None, None, (), radiance, ())
-    views = tuple(look_around(scene, panorama) for panorama in scene.panoramas)
+    views = tuple(look_around(scene, panorama, tuned) for panorama in scene.panoramas)
     coverages = [measure_coverage(view, scene, views) for view in views]
     kept = tuple(surface for surface in scene.real if not surface.removed)
-    free = views[0] if len(kept) == len(scene.real) else look_around(replace(scene, real=kept))
-    others = next((problems for problems in (hole_problems(each, unread) for each in coverages) if problems), [])
+    free = views[0] if len(kept) == len(scene.real) else look_around(replace(scene, real=kept), tuned=tuned)
+    holes = (hole_problems(each, unread, tuned) for each in coverages)
+    others = next((problems for problems in holes if problems), [])
     photographs: tuple[PhotographReport, ...] = ()
     if not _misplaced(scene, views):  # Seen from a wrong point, everything else looks wrong as well.
         others += [problem for surface in kept for problem in support_problems(surface, views)]
         others += light_problems(scene, views[0])
-        differences, photographs = compare_photographs(scene)
+        differences, photographs = compare_photographs(scene, tuned)
         others += differences
         if not any(problem.severity is Severity.ERROR for problem in differences):
-            others += gloss_problems(scene)
+            others += gloss_problems(scene, tuned)
     return _CheckedPlace(views, free, coverages[0], photographs, radiance, tuple(others))
 
 
@@ -220,10 +235,10 @@ def _misplaced(
     ]
 
 
-def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
+def _inspect(scene: Scene, tuned: ChecksParameters, unread: int = 0, hints: bool = True) -> Inspection:
     """The same for a scene of which some real surfaces (``unread`` of them), or the image, may be missing."""
-    checked = _checked_place(scene, unread)
-    problems = [*checked.radiance, *size_problems(scene.synthetic)]
+    checked = _checked_place(scene, tuned, unread)
+    problems = [*checked.radiance, *size_problems(scene.synthetic, tuned)]
     if checked.free is None:
         return Inspection(tuple(problems), None)
     misplaced: list[Problem] = []
@@ -237,7 +252,7 @@ def _inspect(scene: Scene, unread: int = 0, hints: bool = True) -> Inspection:
         if scene.plate is not None and not any(each.severity is Severity.ERROR for each in checked.others):
             key = digest(scene.plate, scene.cameras[scene.plate.camera])
             if key not in checked.plates:
-                checked.plates[key] = compare_plate(scene)
+                checked.plates[key] = compare_plate(scene, tuned)
             differences, plate = checked.plates[key]
             problems += differences
         if scene.real:

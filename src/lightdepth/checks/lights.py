@@ -8,36 +8,30 @@ from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.view import CaptureView
 from lightdepth.directions import FloatArray, direction_to_latlong, pixel_directions, pixel_solid_angles
 from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.parameters.checks import ChecksParameters
 from lightdepth.scene.lights.frame import azimuth_and_elevation
 from lightdepth.scene.model import Panorama, Scene, SunLight
 
-STEP = 4
-"""Every ``STEP``-th direction of the capture view is looked at."""
 OFFSET = 1e-3
 """Share of the way to the capture point by which points are lifted off their surface."""
-NEAR, AROUND = 1.5, 4.0
-"""Degrees around the brightest place of the sky that hold a sun, its glow and a pixel's blur; and in which the sky is."""
-STANDS_OUT = 30.0
-"""Times the panorama's mean that a sun has at least, as every pixel that shows one."""
-SAME_SUN = 0.1
-"""Of a declared sun's irradiance, from which on what the sky shows may be that sun: no cloud and no glow gives as much."""
 
 
 def light_problems(scene: Scene, view: CaptureView) -> list[Problem]:
     """Find suns that the photograph shows already, and those whose light enters nowhere."""
-    if not scene.lights:
+    suns = [light for light in scene.lights if isinstance(light, SunLight)]
+    if not suns:
         return []
     caster = RayCaster([surface.mesh for surface in scene.real if not surface.opening])
-    shown = _shown_sun(scene.panorama, caster)
-    return [problem for sun in scene.lights for problem in _sun_problems(sun, scene, view, caster, shown)]
+    shown = _shown_sun(scene.panorama, caster, view.tuned)
+    return [problem for sun in suns for problem in _sun_problems(sun, scene, view, caster, shown)]
 
 
-def _shown_sun(panorama: Panorama, caster: RayCaster) -> tuple[FloatArray, float] | None:
+def _shown_sun(panorama: Panorama, caster: RayCaster, tuned: ChecksParameters) -> tuple[FloatArray, float] | None:
     """The sun that the panorama itself shows: the direction toward it, world, and its irradiance, mean of the channels."""
     luminance = panorama.light_radiance.mean(axis=2, dtype=np.float64)
     height, width = luminance.shape
     angles = np.broadcast_to(pixel_solid_angles(height, width)[:, None], luminance.shape)
-    bright = luminance > STANDS_OUT * float((luminance * angles).sum()) / (4.0 * np.pi)
+    bright = luminance > tuned.sun_stands_out * float((luminance * angles).sum()) / (4.0 * np.pi)
     if not bright.any():
         return None
     directions = pixel_directions(height, width) @ panorama.rotation.T
@@ -47,8 +41,8 @@ def _shown_sun(panorama: Panorama, caster: RayCaster) -> tuple[FloatArray, float
         return None
     middle = toward[np.argmax(np.where(outside, luminance[bright], -1.0))]
     cosine = directions @ middle
-    near = cosine > np.cos(np.radians(NEAR))
-    around = ~near & (cosine > np.cos(np.radians(AROUND)))
+    near = cosine > np.cos(np.radians(tuned.sun_near))
+    around = ~near & (cosine > np.cos(np.radians(tuned.sun_around)))
     sky = float(np.median(luminance[around])) if around.any() else 0.0
     return middle, float((np.maximum(luminance - sky, 0.0) * angles)[near].sum())
 
@@ -66,7 +60,7 @@ def _sun_problems(
                 "remove the [[light]], or correct its direction or the place's openings",
             )
         ]
-    if shown is not None and shown[1] >= SAME_SUN * float(sun.irradiance.mean()):
+    if shown is not None and shown[1] >= view.tuned.same_sun * float(sun.irradiance.mean()):
         u, v = direction_to_latlong(shown[0] @ scene.panorama.rotation)
         height, width = scene.panorama.radiance.shape[:2]
         around, above = azimuth_and_elevation(shown[0])
@@ -74,13 +68,14 @@ def _sun_problems(
             Problem(
                 Severity.WARNING,
                 f"{name}: the panorama shows a sun itself, at pixel {u * width:.0f},{v * height:.0f} (azimuth "
-                f"{around:.1f}, elevation {above:.1f} degrees, irradiance {shown[1]:.3g}); if the two are one, its light "
+                f"{around:.1f}, elevation {above:.1f} degrees, irradiance {shown[1]:.3g}); if both are one sun, its light "
                 "is counted twice: remove the [[light]]",
             )
         ]
-    distance = view.distance[::STEP, ::STEP].reshape(-1)
+    step = view.tuned.sun_step
+    distance = view.distance[::step, ::step].reshape(-1)
     met = np.isfinite(distance)
-    directions = view.directions[::STEP, ::STEP].reshape(-1, 3)[met]
+    directions = view.directions[::step, ::step].reshape(-1, 3)[met]
     points = view.position + directions * (distance[met] * (1.0 - OFFSET))[:, None]
     lit = np.isinf(caster.cast(points, np.broadcast_to(sun.direction, points.shape)).distance)
     if lit.any():

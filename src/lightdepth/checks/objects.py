@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from lightdepth.checks.capture_point import CLOSED
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.checks.sampling import object_mesh, surface_points, unseen
 from lightdepth.checks.view import CaptureView, enclosure
@@ -15,23 +14,8 @@ from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.scene.identity import digest
 from lightdepth.scene.model import Mesh, SyntheticObject
 
-DELIBERATE_GAP = 0.3
-"""Metres: what hangs higher above everything is meant to hang."""
-CONTACT = 0.002
-"""Metres: smaller gaps and overlaps are no mistake."""
-MOSTLY_CLOSED = 2 / 3
-"""From this share of directions on that meet a real surface, the capture point is in a room, with a hole perhaps; where
-the rest is declared sky, from ``CLOSED`` on."""
-MUCH_LESS = 0.75
-"""An object that is enclosed by less than this part of what encloses the capture point is not in the same room."""
-BEYOND, PART_BEYOND = 0.01, 0.1
-"""Metres, and share of an object's surface, that may be beyond all real surfaces: models of places are rough."""
-POINTS = 400
-"""Points on each object that are looked at."""
 MOST_KNOWN = 256
 """Objects of which is kept what was found of them in a place."""
-COPLANAR = 0.0005
-"""Metres between faces that compete for being in front."""
 
 
 def object_problems(
@@ -66,7 +50,7 @@ def standing_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> 
     meshes = [object_mesh(thing) for thing in objects]
     others = RayCaster(meshes)
     for index, (thing, mesh) in enumerate(zip(objects, meshes, strict=True)):
-        points, _ = surface_points(mesh.vertices, mesh.faces, POINTS)
+        points, _ = surface_points(mesh.vertices, mesh.faces, view.tuned.object_points)
         if len(points) and _out_of_sight(points, view, is_lamp(thing)) is None:
             problems += _named(thing, _standing(mesh, index, others, view))
     return problems
@@ -74,7 +58,7 @@ def standing_problems(objects: Sequence[SyntheticObject], view: CaptureView) -> 
 
 def _problems_of(thing: SyntheticObject, view: CaptureView) -> list[Problem]:
     mesh = object_mesh(thing)
-    points, normals = surface_points(mesh.vertices, mesh.faces, POINTS)
+    points, normals = surface_points(mesh.vertices, mesh.faces, view.tuned.object_points)
     if not len(points):
         return []
     lamp = is_lamp(thing)
@@ -96,17 +80,20 @@ def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) ->
 
     Lamps may stand outside, as a sun does.
     """
-    concealed = bool(unseen(points, view).all())
+    concealed, tuned = bool(unseen(points, view).all()), view.tuned
     if lamp:
-        message = "is a lamp that real surfaces hide from the capture point; they hold back its light as well"
+        message = "is a lamp that real surfaces hide from the capture point; they block its light as well"
         return Problem(Severity.HINT, message) if concealed else None
     beyond = not view.sky and bool(np.any((points.max(axis=0) < view.low) | (points.min(axis=0) > view.high)))
     if not concealed and not beyond:
         return None
     middle = points.mean(axis=0)
     covered = view.share(view.surface >= 0)
-    enclosed = max(enclosure(view.caster, point) for point in (middle, *points[:: len(points) // 4]))
-    if covered > (CLOSED if view.sky else MOSTLY_CLOSED) and (beyond or enclosed < MUCH_LESS * covered):
+    around = (middle, *points[:: len(points) // 4])
+    enclosed = max(enclosure(view.caster, point, tuned.enclosure_rays) for point in around)
+    if covered > (tuned.closed if view.sky else tuned.mostly_closed) and (
+        beyond or enclosed < tuned.same_room * covered
+    ):
         x, y, z = middle
         where = "beyond all real surfaces" if beyond else "and the real surfaces hide all of it from the capture point"
         return Problem(Severity.ERROR, f"is outside the room: its middle is at [{x:.3g}, {y:.3g}, {z:.3g}], {where}")
@@ -114,17 +101,18 @@ def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) ->
         return None
     return Problem(
         Severity.WARNING,
-        "is wholly behind or inside real surfaces as seen from the capture point; only cameras elsewhere can see it",
+        "is entirely behind or inside real surfaces as seen from the capture point; only cameras elsewhere can see it",
     )
 
 
 def _through(points: NDArray[np.float64], view: CaptureView) -> Problem | None:
     """An object of which a part is beyond everything that is real; what reaches into the floor is a hint of its own."""
-    if view.sky or view.share(view.surface >= 0) <= MOSTLY_CLOSED:
+    if view.sky or view.share(view.surface >= 0) <= view.tuned.mostly_closed:
         return None
-    low = view.low - [BEYOND, BEYOND, np.inf]
-    beyond = np.any((points < low) | (points > view.high + BEYOND), axis=1)
-    if beyond.mean() < PART_BEYOND:
+    allowed = view.tuned.beyond
+    low = view.low - [allowed, allowed, np.inf]
+    beyond = np.any((points < low) | (points > view.high + allowed), axis=1)
+    if beyond.mean() < view.tuned.beyond_share:
         return None
     return Problem(
         Severity.WARNING,
@@ -134,22 +122,23 @@ def _through(points: NDArray[np.float64], view: CaptureView) -> Problem | None:
 
 def _standing(mesh: Mesh, index: int, objects: RayCaster, view: CaptureView) -> Problem | None:
     """An object whose lowest points are a little above, or below, the surface under them."""
+    contact = view.tuned.contact
     low, high = float(mesh.vertices[:, 2].min()), float(mesh.vertices[:, 2].max())
     lowest = mesh.vertices[mesh.vertices[:, 2] < low + 1e-3]
     lowest = lowest[:: max(1, len(lowest) // 32)].astype(np.float64)
     down = np.broadcast_to([0.0, 0.0, -1.0], lowest.shape)
-    above = np.concatenate([lowest[:, :2], np.full((len(lowest), 1), high + CONTACT)], axis=1)
-    ground = high + CONTACT - float(view.caster.cast(above, down).distance.min())
+    above = np.concatenate([lowest[:, :2], np.full((len(lowest), 1), high + contact)], axis=1)
+    ground = high + contact - float(view.caster.cast(above, down).distance.min())
     if not np.isfinite(ground):
         return None
-    if ground > low + max(CONTACT, 0.01 * (high - low)):
+    if ground > low + max(contact, view.tuned.contact_share * (high - low)):
         return Problem(Severity.HINT, f"reaches {1000 * (ground - low):.1f} mm into the real surface under it")
     just_below = lowest - [0.0, 0.0, 1e-4]
     under = objects.cast(just_below, down)
     other = np.where(under.mesh == index, np.inf, under.distance)
     gap = min(low - ground, float(other.min()))
-    if CONTACT < gap < DELIBERATE_GAP:
-        return Problem(Severity.HINT, f"floats {1000 * gap:.1f} mm above what is under it")
+    if contact < gap < view.tuned.deliberate_gap:
+        return Problem(Severity.HINT, f"floats {1000 * gap:.1f} mm above the surface under it")
     return None
 
 
@@ -161,7 +150,8 @@ def _coinciding(points: NDArray[np.float64], normals: NDArray[np.float64], view:
     step = 0.01
     before = points + step * normals
     hits = view.caster.cast(before, -normals)
-    same = (np.abs(hits.distance - step) < COPLANAR) & (np.abs(np.einsum("ij,ij->i", hits.normal, normals)) > 0.999)
+    same = np.abs(hits.distance - step) < view.tuned.coplanar
+    same &= np.abs(np.einsum("ij,ij->i", hits.normal, normals)) > view.tuned.coplanar_cosine
     if not same.any() or not np.any(~unseen(before[same], view)):
         return None
     x, y, z = points[same][0]
@@ -169,5 +159,5 @@ def _coinciding(points: NDArray[np.float64], normals: NDArray[np.float64], view:
     return Problem(
         Severity.WARNING,
         f'{100 * same.mean():.2g} % of its surface coincides with "{name}" (at [{x:.3g}, {y:.3g}, {z:.3g}]): which of '
-        "the two is in front is left to chance; move it 1 mm off",
+        "the two is in front is undefined; move it 1 mm away",
     )

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.kernel.start import start
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 from lightdepth.scene.model import Panorama, Scene
-
-WORTH_A_WARNING, WORTH_A_HINT = 0.02, 0.005
-"""Shares of what a photograph has in common with others that disagree."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +29,15 @@ class PhotographReport:
     disagrees: float
 
 
-def compare_photographs(scene: Scene) -> tuple[list[Problem], tuple[PhotographReport, ...]]:
-    """Compare the photographs of a place that has several; nothing where there is one."""
+def compare_photographs(
+    scene: Scene, tuned: ChecksParameters = DEFAULT
+) -> tuple[list[Problem], tuple[PhotographReport, ...]]:
+    """Compare the photographs of a place that has several; nothing where there is one.
+
+    Args:
+        scene: the scene.
+        tuned: how much of them may disagree.
+    """
     if not scene.further or not scene.real or not all(each.radiance.size for each in scene.panoramas):
         return [], ()
     start()
@@ -40,9 +45,9 @@ def compare_photographs(scene: Scene) -> tuple[list[Problem], tuple[PhotographRe
     from lightdepth.place.traced_surfaces import TracedSurfaces
     from lightdepth.recovery.gains import solve_gains
 
-    tuned = scene.render.parameters
+    rooms = scene.render.parameters
     surfaces = TracedSurfaces(merge_real_surfaces(scene.real))
-    balance = solve_gains(scene.panoramas, surfaces, tuned.balance, tuned.place)
+    balance = solve_gains(scene.panoramas, surfaces, rooms.balance, rooms.place)
     if balance.problem is not None:
         return [Problem(Severity.ERROR, balance.problem)], ()
     problems, reports = [], []
@@ -58,9 +63,9 @@ def compare_photographs(scene: Scene) -> tuple[list[Problem], tuple[PhotographRe
                 0.0 if off is None else off.share,
             )
         )
-        if off is not None and off.share > WORTH_A_HINT:
+        if off is not None and off.share > tuned.photographs_differ:
             x, y, z = off.point
-            severity = Severity.WARNING if off.share > WORTH_A_WARNING else Severity.HINT
+            severity = Severity.WARNING if off.share > tuned.photographs_differ_much else Severity.HINT
             problems.append(
                 Problem(
                     severity,

@@ -9,14 +9,8 @@ import numpy as np
 
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.kernel.start import start
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 from lightdepth.scene.model import Scene
-
-WORTH_A_WARNING, WORTH_A_HINT = 0.4, 0.2
-"""Shares of what the plate has in common with the panoramas that disagree."""
-
-
-FLICKERS = 0.005
-"""Relative range of the gains of a sequence's frames from which on objects would be seen to change."""
 
 
 @dataclass(frozen=True)
@@ -42,8 +36,13 @@ class PlateReport:
     seen: float
 
 
-def compare_plate(scene: Scene) -> tuple[list[Problem], PlateReport | None]:
-    """Compare the plate with the panoramas; nothing where there is none, or no model of the place."""
+def compare_plate(scene: Scene, tuned: ChecksParameters = DEFAULT) -> tuple[list[Problem], PlateReport | None]:
+    """Compare the plate with the panoramas; nothing where there is none, or no model of the place.
+
+    Args:
+        scene: the scene.
+        tuned: how much of it may disagree.
+    """
     plate = scene.plate
     if plate is None or not scene.real or not all(each.radiance.size for each in scene.panoramas):
         return [], None
@@ -55,12 +54,12 @@ def compare_plate(scene: Scene) -> tuple[list[Problem], PlateReport | None]:
     from lightdepth.recovery.gains import solve_gains
     from lightdepth.recovery.plate_gain import solve_plate_gain
 
-    tuned, place_tuned = scene.render.parameters.balance, scene.render.parameters.place
+    rooms = scene.render.parameters
     modelled = merge_real_surfaces(scene.real)
     surfaces = TracedSurfaces(replace(modelled, vertices=modelled.rest))
-    gains = solve_gains(scene.panoramas, surfaces, tuned, place_tuned).gains
-    place = Place(scene.panoramas, surfaces, gains=gains, parameters=place_tuned)
-    balance = solve_plate_gain(plate.radiance, scene.cameras[plate.camera], place, plate.gain, tuned)
+    gains = solve_gains(scene.panoramas, surfaces, rooms.balance, rooms.place).gains
+    place = Place(scene.panoramas, surfaces, gains=gains, parameters=rooms.place)
+    balance = solve_plate_gain(plate.radiance, scene.cameras[plate.camera], place, plate.gain, rooms.balance)
     if balance.problem is not None:
         return [Problem(Severity.ERROR, f"{plate_name(scene)}: {balance.problem}")], None
     red, green, blue = balance.gain.tolist()
@@ -74,8 +73,8 @@ def compare_plate(scene: Scene) -> tuple[list[Problem], PlateReport | None]:
         balance.seen,
     )
     problems = []
-    if balance.disagrees > WORTH_A_HINT:
-        severity = Severity.WARNING if balance.disagrees > WORTH_A_WARNING else Severity.HINT
+    if balance.disagrees > tuned.plate_differs:
+        severity = Severity.WARNING if balance.disagrees > tuned.plate_differs_much else Severity.HINT
         problems.append(
             Problem(
                 severity,
@@ -87,14 +86,19 @@ def compare_plate(scene: Scene) -> tuple[list[Problem], PlateReport | None]:
     return problems, report
 
 
-def gain_problems(reports: Sequence[PlateReport]) -> list[Problem]:
-    """What is wrong with the gains of the plates of a sequence, each of which is solved by itself."""
+def gain_problems(reports: Sequence[PlateReport], tuned: ChecksParameters = DEFAULT) -> list[Problem]:
+    """What is wrong with the gains of the plates of a sequence, each of which is solved by itself.
+
+    Args:
+        reports: of its frames.
+        tuned: by how much they may differ.
+    """
     gains = np.array([report.gain for report in reports if not report.given])
     if len(gains) < 2:
         return []
     low, high, middle = gains.min(axis=0), gains.max(axis=0), np.median(gains, axis=0)
     spread = float((high / low).max()) - 1.0
-    if spread <= FLICKERS:
+    if spread <= tuned.gains_flicker:
         return []
     one = ", ".join(f"{value:.4g}" for value in middle)
     return [

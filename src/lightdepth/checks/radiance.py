@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from lightdepth.checks.problem import Problem, Severity
 from lightdepth.images.validation import clipped_plateau
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 from lightdepth.scene.model import Panorama
 
 
-def radiance_problems(panorama: Panorama, table: str = "[panorama]") -> list[Problem]:
+def radiance_problems(
+    panorama: Panorama, table: str = "[panorama]", tuned: ChecksParameters = DEFAULT
+) -> list[Problem]:
     """Find a panorama that is black or whose lights were clipped; nothing, where its image could not be read.
 
     Args:
         panorama: to be checked.
         table: what messages call it.
+        tuned: what seems to be clipped.
     """
     if not panorama.radiance.size:
         return []
@@ -24,7 +28,7 @@ def radiance_problems(panorama: Panorama, table: str = "[panorama]") -> list[Pro
         return [Problem(Severity.WARNING, f"{table}: {note}") for note in panorama.notes]
     if panorama.unclipped is not None:  # The scene declares what they really send.
         return []
-    plateau = clipped_plateau(panorama.radiance)
+    plateau = clipped_plateau(panorama.radiance, tuned)
     if plateau is None:
         return []
     return [

@@ -15,9 +15,6 @@ from lightdepth.kernel.raycasting import RayCaster
 from lightdepth.kernel.start import start
 from lightdepth.scene.model import CameraView, Role, Scene
 
-COLUMNS = 160
-"""Of the grid of points on a camera's film."""
-
 
 def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem]:
     """Find the cameras that look where something is removed, and report what they see there.
@@ -35,7 +32,7 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
     caster, removed = RayCaster([surface.mesh for surface in kept]), np.array([each.removed for each in scene.real])
     problems = []
     for name, camera in scene.cameras.items():
-        origins, directions = _film(camera)
+        origins, directions = _film(camera, views[0].tuned.film_columns)
         first = views[0].caster.cast(origins, directions)
         through = np.isfinite(first.distance) & removed[np.maximum(first.mesh, 0)]
         if not through.any():
@@ -47,15 +44,15 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
         )
         hidden = np.isinf(behind.distance) | np.all([unseen(points, view) for view in views], axis=0)
         share = float(hidden.sum()) / len(directions)
-        message = f"[camera.{name}]: {100.0 * through.mean():.2g} % of its picture shows what is removed ({names})"
+        message = f"[camera.{name}]: {100.0 * through.mean():.2g} % of its picture shows removed surfaces ({names})"
         if not hidden.any():
-            problems.append(Problem(Severity.HINT, f"{message}, and a panorama sees all that is behind it"))
+            problems.append(Problem(Severity.HINT, f"{message}, and a panorama sees everything behind them"))
             continue
         problems.append(
             Problem(
                 Severity.HINT,
-                f"{message}; of {100.0 * share:.2g} % of the picture no panorama sees what is behind it: there, surfaces "
-                "go on in the mean colour of what is seen of them. A panorama from elsewhere would show it",
+                f"{message}; of {100.0 * share:.2g} % of the picture no panorama sees what is behind them: there, surfaces "
+                "continue in the mean colour of their visible parts. A panorama from another position would show them",
             )
         )
         fixed = [
@@ -68,17 +65,17 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
             problems.append(
                 Problem(
                     Severity.WARNING,
-                    f"[camera.{name}]: behind what is removed ({names}) is environment ({others}), which keeps the shadow "
+                    f"[camera.{name}]: behind removed surfaces ({names}) is environment ({others}), which keeps the shadow "
                     'that was on it; declare it role = "support"',
                 )
             )
     return problems
 
 
-def _film(camera: CameraView) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _film(camera: CameraView, columns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Rays through a grid on the film, world: origins and unit directions, shapes (n, 3)."""
     width, height = camera.resolution
-    rows = max(1, round(COLUMNS * height / width))
-    x, y = np.meshgrid((np.arange(COLUMNS) + 0.5) / COLUMNS, (np.arange(rows) + 0.5) / rows)
+    rows = max(1, round(columns * height / width))
+    x, y = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
     origins, directions, inside = camera.sight_lines([aligned(x), aligned(y)])
     return origins[inside], directions[inside]

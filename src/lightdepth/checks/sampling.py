@@ -12,10 +12,6 @@ from lightdepth.checks.view import CaptureView
 from lightdepth.scene.meshes.geometry import expanded
 from lightdepth.scene.model import AnalyticShape, Mesh, Scene, SyntheticObject, SyntheticPart
 
-POINTS = 4000
-"""On each surface, at which it is looked whether a capture point sees it."""
-TOLERANCE = 0.005
-"""Relative difference of distances up to which a point lies on the surface that is seen."""
 MOST_TRIANGLES = 1_000_000
 """Of instances that are looked at."""
 AROUND, FROM_POLE = 96, 48
@@ -50,12 +46,13 @@ def unseen(points: NDArray[np.floating], view: CaptureView) -> NDArray[np.bool_]
     towards = points - view.position
     distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     hits = view.caster.cast(view.position, towards / distance[:, None])
-    return np.asarray(hits.distance < distance * (1.0 - TOLERANCE) - 1e-3)
+    return np.asarray(hits.distance < distance * (1.0 - view.tuned.seen_depth) - view.tuned.seen_distance)
 
 
 def unseen_share(mesh: Mesh, views: Sequence[CaptureView]) -> float:
     """Share of a surface's area that none of the capture points sees, where it was photographed; in [0, 1]."""
-    points, _ = surface_points(mesh.vertices if mesh.rest is None else mesh.rest, mesh.faces, POINTS)
+    count = views[0].tuned.surface_points
+    points, _ = surface_points(mesh.vertices if mesh.rest is None else mesh.rest, mesh.faces, count)
     return float(np.mean(np.all([unseen(points, view) for view in views], axis=0)))
 
 

@@ -10,17 +10,16 @@ from itertools import pairwise
 import numpy as np
 
 from lightdepth.checks.problem import Problem, Severity
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 from lightdepth.scene.frames import SceneFrames
 
-LOOKED_AT = 48
-"""Frames that are looked at between the keys, at most."""
 _NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 
-def frames_to_check(frames: SceneFrames) -> list[float]:
+def frames_to_check(frames: SceneFrames, tuned: ChecksParameters = DEFAULT) -> list[float]:
     """The first frame, the last, those with keys, and others evenly between them; all of a short sequence."""
     first, last = frames.sequence.frames
-    between = np.unique(np.linspace(first, last, min(LOOKED_AT, last - first + 1)).round())
+    between = np.unique(np.linspace(first, last, min(tuned.frames, last - first + 1)).round())
     return sorted({float(first), float(last), *map(float, between), *frames.text.animation.key_frames})
 
 

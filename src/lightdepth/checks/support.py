@@ -9,12 +9,6 @@ from lightdepth.checks.sampling import unseen_share
 from lightdepth.checks.view import CaptureView
 from lightdepth.scene.model import RealSurface, Role
 
-WORTH_A_WARNING = 0.5
-"""Support behind furniture is usual; from this share on, more is unseen than seen."""
-TOO_MUCH = 0.9
-"""Of a closed box, the capture point sees one side of six at least, so that 83 % are unseen. Of a surface that
-is unseen to a larger part, the photograph shows next to nothing."""
-
 
 def support_problems(surface: RealSurface, views: Sequence[CaptureView]) -> list[Problem]:
     """Report the share of a support surface's area that no capture point can see.
@@ -23,14 +17,14 @@ def support_problems(surface: RealSurface, views: Sequence[CaptureView]) -> list
     """
     if surface.role != Role.SUPPORT:
         return []
-    share = unseen_share(surface.mesh, views)
-    if share < 0.001:
+    share, tuned = unseen_share(surface.mesh, views), views[0].tuned
+    if share < tuned.unseen_support:
         return []
     name = f'[[real]] "{surface.name}"'
     sees, photograph = "the capture point cannot see", "the photograph does not show"
     if len(views) > 1:
         sees, photograph = "no capture point sees", "no photograph shows"
-    if share > TOO_MUCH:
+    if share > tuned.most_unseen_support:
         return [
             Problem(
                 Severity.ERROR,
@@ -40,7 +34,7 @@ def support_problems(surface: RealSurface, views: Sequence[CaptureView]) -> list
         ]
     return [
         Problem(
-            Severity.WARNING if share > WORTH_A_WARNING else Severity.HINT,
+            Severity.WARNING if share > tuned.much_unseen_support else Severity.HINT,
             f"{name}: {sees} {100 * share:.2g} % of this support's area; there it has the colour "
             "of what occludes it, unless it gets rest positions",
         )

@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import pixel_directions, pixel_solid_angles
 from lightdepth.kernel.raycasting import RayCaster
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 from lightdepth.scene.model import Panorama, Scene
-
-HEIGHT = 256
-"""Rows of the grid of directions: about 0.7 degrees, fine enough for any hole that matters."""
 
 
 @dataclass(frozen=True)
 class CaptureView:
-    """Rays from the capture point over a panorama of ``HEIGHT`` rows, against the real meshes.
+    """Rays from the capture point over a grid of directions of ``tuned.rows`` rows, against the real meshes.
 
     Attributes:
         position: capture point, world, metres, shape (3,).
@@ -31,6 +29,7 @@ class CaptureView:
         surface: index of the mesh that is hit, -1 for none, shape (h, 2 h).
         from_behind: whether the face is wound away from the capture point, shape (h, 2 h).
         solid_angles: share of the sphere that a pixel of each row covers, shape (h, 1).
+        tuned: what is reported of it, and how closely it is looked at.
     """
 
     position: NDArray[np.float64]
@@ -44,22 +43,29 @@ class CaptureView:
     surface: NDArray[np.int32]
     from_behind: NDArray[np.bool_]
     solid_angles: NDArray[np.float64]
+    tuned: ChecksParameters = DEFAULT
 
     def share(self, which: NDArray[np.bool_]) -> float:
         """Share of the sphere that the marked pixels of shape (h, 2 h) cover, in [0, 1]."""
         return float(np.sum(which * self.solid_angles))
 
 
-def look_around(scene: Scene, panorama: Panorama | None = None) -> CaptureView:
+def look_around(scene: Scene, panorama: Panorama | None = None, tuned: ChecksParameters = DEFAULT) -> CaptureView:
     """Cast the rays from a panorama's capture point, by default the first one's.
 
     The depth that a user may have given plays no part, only meshes do.
+
+    Args:
+        scene: the scene.
+        panorama: from where.
+        tuned: how fine the grid of directions is; the checks of the view go by it as well.
     """
     panorama = panorama or scene.panorama
     meshes = [surface.mesh for surface in scene.real]
     vertices = np.concatenate([np.zeros((0, 3), np.float32), *(mesh.vertices for mesh in meshes)])
     caster = RayCaster(meshes)
-    directions = pixel_directions(HEIGHT, 2 * HEIGHT) @ panorama.rotation.T
+    rows = tuned.rows
+    directions = pixel_directions(rows, 2 * rows) @ panorama.rotation.T
     hits = caster.cast(panorama.position, directions.reshape(-1, 3))
     shape = directions.shape[:2]
     away = np.einsum("ij,ij->i", hits.normal, directions.reshape(-1, 3)) > 0.0
@@ -74,11 +80,12 @@ def look_around(scene: Scene, panorama: Panorama | None = None) -> CaptureView:
         distance=hits.distance.reshape(shape),
         surface=hits.mesh.reshape(shape),
         from_behind=away.reshape(shape),
-        solid_angles=pixel_solid_angles(HEIGHT, 2 * HEIGHT)[:, None] / (4.0 * np.pi),
+        solid_angles=pixel_solid_angles(rows, 2 * rows)[:, None] / (4.0 * np.pi),
+        tuned=tuned,
     )
 
 
-def enclosure(caster: RayCaster, point: NDArray[np.floating], count: int = 2000) -> float:
+def enclosure(caster: RayCaster, point: NDArray[np.floating], count: int = DEFAULT.enclosure_rays) -> float:
     """Share of directions from a point that meet a real surface: 1 in a closed room, at most one half beside it."""
     return float(np.mean(np.isfinite(caster.cast(point, sphere(count)).distance)))
 

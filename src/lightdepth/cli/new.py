@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from lightdepth.quickstart.pose import GuessedPose
     from lightdepth.quickstart.spot import FloorSpot
 
-SAMPLES = 32
-LOWEST, HIGHEST = 0.2, 10.0
-"""Metres of the lens above the floor beyond which a height is mentioned."""
-
 
 def new(
     panorama: Annotated[Path, typer.Argument(help="The panorama: 360 x 180 degrees, .exr .hdr .jpg .png .tif.")],
@@ -54,6 +50,7 @@ def new(
     from lightdepth.images.panorama_file import read_panorama
     from lightdepth.images.validation import find_defects, validate_panorama
     from lightdepth.images.writing import check_writable
+    from lightdepth.parameters.quickstart import DEFAULT
     from lightdepth.quickstart.objects import default_objects, read_objects
     from lightdepth.quickstart.place import guess_place
     from lightdepth.quickstart.pose import guess_pose
@@ -74,9 +71,9 @@ def new(
     pose = guess_pose(replace(image, radiance=radiance), camera_height)
     guessed = guess_place(radiance, pose, None if place == "auto" else place)
     room = float((guessed.high - guessed.low).min())
-    things = read_objects(objects, 0.6 * room) if objects else default_objects()
+    things = read_objects(objects, DEFAULT.room_share * room) if objects else default_objects()
     group, deepest = group_width(things), max(float(thing.size[:2].max()) for thing in things)
-    distance = pose.height * min(0.8 + group, 1.7) + 0.5 * group
+    distance = pose.height * min(DEFAULT.shortest_view + group, DEFAULT.longest_view) + 0.5 * group
     spot = find_floor_spot(radiance, pose, guessed, 0.5 * group, 0.5 * deepest, distance)
     write_first_scene(scene, panorama, pose, guessed, things, spot, radiance)
     spoilt = [defect for defect in find_defects(image.radiance) if not defect.negligible]
@@ -97,6 +94,8 @@ def _report(
     spot: FloorSpot,
     camera_height: float | None,
 ) -> None:
+    from lightdepth.parameters.quickstart import DEFAULT
+
     console.print(f"level      {pose.rotation_words}", markup=False)
     if camera_height is None:
         console.print(
@@ -105,7 +104,7 @@ def _report(
             style="yellow",
             markup=False,
         )
-    elif not LOWEST <= camera_height <= HIGHEST:
+    elif not DEFAULT.lowest_camera <= camera_height <= DEFAULT.highest_camera:
         console.print(
             f"warning: a camera {camera_height:g} m above the floor is unusual; --camera-height is in metres",
             style="yellow",
@@ -129,6 +128,7 @@ def _draft(scene: Path) -> None:
 
     from lightdepth.api import load_scene
     from lightdepth.cli.render import Interruption, Reporter, run
+    from lightdepth.parameters.quickstart import DEFAULT
     from lightdepth.session.displays import ExrDisplay, PngDisplay
     from lightdepth.session.session import Job, Session
 
@@ -139,4 +139,4 @@ def _draft(scene: Path) -> None:
     session.display(ExrDisplay(target, []))
     session.display(PngDisplay(files[1]))
     with Interruption() as interruption, Reporter("bar", files) as reporter:
-        run(session, Job("view", SAMPLES, denoise=denoise, draft=True), reporter, interruption)
+        run(session, Job("view", DEFAULT.samples, denoise=denoise, draft=True), reporter, interruption)

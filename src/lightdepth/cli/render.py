@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells have it."""
-LARGE_ERROR, LARGE_ERROR_DENOISED = 0.03, 0.06
-"""Relative errors of the samples beyond which noise is visible, as it is and denoised."""
 
 
 def render(
@@ -341,14 +339,16 @@ class Reporter(EventReporter):
 
     def _advice(self, done: Done) -> str:
         """What to do about a picture with a large error."""
-        if done.error is None or done.error <= (LARGE_ERROR_DENOISED if done.denoised else LARGE_ERROR):
+        from lightdepth.parameters.checks import DEFAULT
+
+        wanted = DEFAULT.visible_error_denoised if done.denoised else DEFAULT.visible_error
+        if done.error is None or done.error <= wanted:
             return ""
-        wanted = LARGE_ERROR_DENOISED if done.denoised else LARGE_ERROR
         factor = math.ceil((done.error / wanted) ** 2)
         also = "" if done.denoised else "; or --denoise"
         return (
             f"the estimated error is {100 * done.error:.1f} %: noise is visible. About {factor} times the --samples "
-            f"bring it to {100 * wanted:g} %, --noise {wanted:g} takes as many as that needs{also}"
+            f"bring it to {100 * wanted:g} %, --noise {wanted:g} takes as many as are needed{also}"
         )
 
     def _ending(self, done: Done) -> str:

@@ -72,8 +72,9 @@ def _light(scene: Scene, spots: list[Spot]) -> list[dict[str, list[float]]]:
         return []
     panorama = scene.panorama
     meshes = [surface.mesh for surface in scene.real]
+    tuned = scene.render.parameters.place
     if not meshes and panorama.depth is not None:
-        meshes = [mesh_from_depth(panorama.depth, panorama.position, panorama.rotation)]
+        meshes = [mesh_from_depth(panorama.depth, panorama.position, panorama.rotation, tuned=tuned)]
     return spot_light(build_light_depth_map(scene), RayCaster(meshes), spots)
 
 

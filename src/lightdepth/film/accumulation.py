@@ -81,7 +81,7 @@ class Accumulator:
     def sums(self) -> dict[str, NDArray[np.float32]]:
         """The sums ``change``, ``synthetic``, ``squares``, shape (n, 3), and ``covered``, shape (n,).
 
-        They are where they lie, to be used before more is added: of a large image, copies count.
+        They are views, to be used before more is added: copies of a large image would take memory.
         """
         sums = self._sums()
         return {"change": sums.change, "synthetic": sums.synthetic, "squares": sums.variance, "covered": sums.coverage}
@@ -191,7 +191,7 @@ class Accumulator:
         return np.maximum(channel_means(beauty), 0.0) + np.float32(floor)
 
     def _sums(self) -> Estimates:
-        """The sums where they lie, with squares in place of the variance; on a GPU, a copy of them."""
+        """Views of the sums, with squares in place of the variance; on a GPU, copies."""
         count = len(self._pixels)
         change, synthetic, squares = (
             total.numpy().reshape(-1, 3)[:count] for total in (self._change, self._synthetic, self._squares)

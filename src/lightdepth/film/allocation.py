@@ -36,7 +36,7 @@ class Allocation:
         pixels: the pixels that are sampled.
         accumulator: their sums.
         errors: their errors.
-        parameters: how samples are shared out.
+        parameters: how samples are distributed.
         sharing: with other frames; ``None`` for a picture of its own.
     """
 
@@ -66,7 +66,7 @@ class Allocation:
         return Round(target, wanted, int(taken.sum(dtype=np.int64)) - spent + target.samples * size)
 
     def next_round(self, last: Round) -> Round | None:
-        """What is still wanted after a round, in multiples of ``quantum``; ``None`` when the work is done.
+        """The samples still wanted after a round, in multiples of ``quantum``; ``None`` when the work is done.
 
         Without a wanted ``noise``, what remains after the pilot is spent at once in proportion to the error that each
         pixel's neighbours then had. With it, as many as the error calls for, in rounds that at most quadruple a pixel's
@@ -111,7 +111,7 @@ class Allocation:
     def _give_all(self, more: NDArray[np.float32], target: Target, left: int) -> None:
         """Raise ``more``, which adds up to ``left``, to the least share of the samples, and lower the rest for it.
 
-        Where the pilot met nothing, the error seems to be none: what is rare would stay as it was met, however many
+        Where the pilot met nothing, the error seems to be 0: rare events would never be found, however many
         samples there are.
         """
         due: float | NDArray[np.float64] = self._parameters.least_share * target.samples

@@ -1,6 +1,6 @@
 """Named arrays in one file, with a header: how sums of samples are kept.
 
-The file is NumPy's ``.npz``, uncompressed, so that any tool of that world reads it.
+The file is NumPy's ``.npz``, uncompressed, which many tools read.
 """
 
 from __future__ import annotations

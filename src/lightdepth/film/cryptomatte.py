@@ -130,7 +130,7 @@ def matte_channels(
 
 
 def matte_id(name: str) -> int:
-    """The id of a name: its hash, changed where its bits read as a float would be no ordinary number."""
+    """The id of a name: its hash, changed where its bits read as a float would not be a normal number."""
     value = murmur3(name.encode())
     if (value >> 23) & 255 in (0, 255):
         value ^= 1 << 23

@@ -1,4 +1,4 @@
-"""Removing what is left of the noise: Open Image Denoise on the new layers, never on the photograph."""
+"""Removing the remaining noise: Open Image Denoise on the new layers, never on the photograph."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ def denoise(frame: Frame, tuned: DenoisingParameters = DEFAULT) -> Frame:
 
     The change is denoised as a share of the photograph, in which the photograph's texture cancels: on a diffuse surface
     it is the relative change of irradiance. The network knows images of light, which is not negative, but the change
-    has both signs: what was added and what was taken away are denoised apart. Where the change is faint, or smoother
-    than its noise, a blur does as well and costs next to nothing. A pixel without any change or new surface keeps
-    exactly nothing. At the objects' rims both layers hold only a share of the pixel, and end beyond: they are denoised
-    as if they filled it and went on, or the network would see an edge in every rim and overshoot there.
+    has both signs: what was added and what was taken away are denoised separately. Where the change is faint, or
+    smoother than its noise, a blur is as good and costs next to nothing. A pixel without any change or new surface stays
+    0. At the objects' edges both layers fill only a share of the pixel and end: they are denoised as if they filled it
+    and continued, since the network would otherwise see an edge there and overshoot.
 
     Args:
         frame: as rendered; albedo and normals, which have no noise, guide the filter where the frame has them.

@@ -13,7 +13,7 @@ from lightdepth.cameras.topology import Flat, Rectangle, Topology
 from lightdepth.film.cryptomatte import Mattes
 
 EXPOSURE = "exposure"
-"""Among a frame's facts: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
+"""Key of a frame's metadata: stops that bring the panorama's brightness to the screen's, alike for all cameras."""
 CAMERA = "camera"
 """Likewise: the camera's settings without its pose, a JSON object with the keys of the scene file."""
 PLATE_GAIN = "plate_gain"
@@ -26,7 +26,7 @@ LARGEST_SHADOW = 65504.0
 
 @dataclass
 class Frame:
-    """What a rendering gives. Row 0 is the top; radiance is linear Rec.709.
+    """The result of a rendering. Row 0 is the top; radiance is linear Rec.709.
 
     Attributes:
         plate: the photograph, resampled for the camera or its own, shape (height, width, 3), float32.

@@ -1,4 +1,4 @@
-"""What the header of a frame's file says in OpenEXR's standard attributes: colour, camera, and time."""
+"""OpenEXR's standard attributes in the header of a frame's file: colour, camera, and time."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _MOST_RATE = 60
 
 
 def software() -> str:
-    """What made a file, for its attribute ``software``."""
+    """Value of the attribute ``software``."""
     return f"lightdepth {metadata.version('lightdepth')}"
 
 
@@ -51,8 +51,8 @@ def _pose(view: Viewpoint) -> NDArray[np.float64]:
 def time_attributes(frame: int | None, rate: Fraction) -> dict[str, Any]:
     """``framesPerSecond`` and ``timeCode`` of a frame of a sequence.
 
-    Frame 0 is at 00:00:00:00, without dropped numbers. Above 30 frames per second a number counts two frames, which the
-    field mark tells apart, as in SMPTE ST 12-1. Above 60, and without a number, there is no time code.
+    Frame 0 is at 00:00:00:00; no numbers are dropped. Above 30 frames per second a number counts two frames, which the
+    field mark distinguishes (SMPTE ST 12-1). Above 60, and without a frame number, there is no time code.
     """
     attributes: dict[str, Any] = {"framesPerSecond": rate}
     counted = -(-rate.numerator // rate.denominator)  # 23.976 counts 24.

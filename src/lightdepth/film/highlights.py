@@ -1,4 +1,4 @@
-"""What glossy surfaces mirror, moved to where a camera sees it: the plate of a camera that stands elsewhere.
+"""Highlights of glossy surfaces, moved to where a camera away from the capture point sees them.
 
 The photograph shows what they mirror toward the capture point (theory, eq. 6b). It is taken away, as far as the photograph
 shows it, and replaced by what they mirror toward the camera, both with the same random numbers.

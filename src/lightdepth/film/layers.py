@@ -36,13 +36,13 @@ LAYERS: dict[str, tuple[str, type[np.generic]]] = {
     "samples": ("count", np.uint32),
     "cryptomatte": ("", np.float32),
 }
-"""Channels and pixel type of each layer of a frame. Half floats only where nobody could see the difference."""
+"""Channels and pixel type of each layer of a frame. Half floats only where the difference is invisible."""
 AUXILIARY = frozenset({"object_id", "depth", "normal", "albedo", "photograph", "cryptomatte"})
-"""Those that take time of their own, see ``lightdepth.film.auxiliary``."""
+"""Those rendered separately, see ``lightdepth.film.auxiliary``."""
 FILE_NAMES = {"normal": "N"}
-"""Names of layers in the file that are not the layer's own, but the ones that compositing programs know."""
+"""Names of layers in the file that differ from the layer's own: those that compositing programs know."""
 FILE_LAYOUT = 3
-"""Counts the changes of what a file holds; part of the fingerprint of frames."""
+"""Version of the file's contents; part of the fingerprint of frames."""
 Structure = Literal["multipart", "single"]
 ROWS_AT_ONCE = 128
 REQUIRED = ("plate", "change", "synthetic", "coverage")
@@ -189,10 +189,10 @@ def read_frame(path: Path) -> Frame:
 
 
 def picture_exposure(frame: Frame) -> float:
-    """Stops at which a frame is shown: by the brightness of the whole panorama.
+    """Exposure at which a frame is shown, stops: by the brightness of the whole panorama.
 
     So it is the same for all cameras and frames of a scene, and new objects do not change it. A frame that was not
-    rendered from a scene, and does not know its panorama, goes by its plate.
+    rendered from a scene is shown by the brightness of its plate.
     """
     known = frame.metadata.get(EXPOSURE)
     return auto_exposure(frame.plate, frame.alpha) if known is None else float(known)

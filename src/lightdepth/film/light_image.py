@@ -94,7 +94,7 @@ class LightImage:
     def sums(self) -> tuple[dict[str, NDArray[np.float32]], int]:
         """``light_change``, ``light_synthetic``, shape (n, 3), and ``light_squares``, (n,); how many paths they are of.
 
-        They are where they lie, to be used before more is added.
+        They are views, to be used before more is added.
         """
         self._fetch()
         named = {"light_change": self._change, "light_synthetic": self._synthetic, "light_squares": self._squares}

@@ -1,4 +1,4 @@
-"""How far the pixels are off, estimated: by the noise of their own samples, and by the errors that all share."""
+"""Estimated errors of the pixels: the noise of their own samples, and the errors that all pixels share."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ class PictureError:
             self._accumulator.include_single_samples(errors, self._dark, self._parameters.single_around)
 
     def reducible(self, contrast: float) -> NDArray[np.float32]:
-        """What more samples reduce of them, relative to a power of the pixels' brightness, shape (n,)."""
+        """The part of them that more samples reduce, relative to a power of the pixels' brightness, shape (n,)."""
         with DEVICE_LOCK:
             return self._accumulator.relative_errors(self._dark, contrast, with_light=False)
 
@@ -124,12 +124,12 @@ class PictureError:
         return self.shared.light_list * math.sqrt(self._sampling.list_use.share(len(self._accumulator.taken)))
 
     def estimate_shared(self, share: Share) -> None:
-        """Estimate the errors of the light list and of the radiance cache, once they are not lost in the noise.
+        """Estimate the errors of the light list and of the radiance cache, once noise does not hide them.
 
         Only between rounds, so that the samples that a wanted noise takes do not depend on progress reports.
 
         Args:
-            share: whose pixels' own errors tell that.
+            share: whose pixels' own errors decide that.
         """
         spent, integrator = int(self._accumulator.taken.sum(dtype=np.int64)), self._prepared.integrator
         count, parameters = len(self._accumulator.taken), self._parameters
@@ -184,7 +184,7 @@ class PictureError:
 def _drawn(
     errors: NDArray[np.float32], count: int, generator: np.random.Generator
 ) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """Pixels to estimate shared errors in: lists err most where paths do, which may be few pixels.
+    """Pixels to estimate shared errors in: lists err most where paths do, possibly in few pixels.
 
     Args:
         errors: of all pixels, shape (n,).

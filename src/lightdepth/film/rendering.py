@@ -40,7 +40,7 @@ from lightdepth.scene.model import Scene
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a rendering is.
+    """Progress of a rendering.
 
     Attributes:
         fraction: share of the work that is done, in [0, 1].
@@ -130,8 +130,8 @@ class Rendering:
     def run(self, samples: int, noise: float | None = None, region: Region | None = None) -> Iterator[Progress]:
         """Take samples, yielding after every pass; to stop early, stop iterating.
 
-        Called again with the same arguments it goes on where it was stopped, to the same image as without the stop. With
-        more ``samples`` than before it adds what is missing to those that there are.
+        Called again with the same arguments it continues where it was stopped, to the same image as without the stop. With
+        more ``samples`` than before it adds the missing ones.
 
         Args:
             samples: per pixel that is sampled, on average.
@@ -186,7 +186,7 @@ class Rendering:
         progress: Callable[[Progress], bool | None] | None = None,
         auxiliary: bool = True,
     ) -> Frame:
-        """Take all samples and give the image; the rendering gives its memory to it and cannot go on.
+        """Take all samples and return the image, which takes over the rendering's memory; it cannot continue.
 
         Args:
             samples: as for :meth:`run`; the scene's own setting by default.
@@ -212,7 +212,7 @@ class Rendering:
 
         Args:
             auxiliary: with object ids, depth, normals and albedo as well.
-            finish: the rendering gives its memory to the image and cannot go on.
+            finish: the image takes over the rendering's memory, which cannot continue.
         """
         with DEVICE_LOCK:
             return self._frame(auxiliary, finish)
@@ -266,7 +266,7 @@ class Rendering:
         return Origin(scene, view, self._method, self._seed, size, samples, version, path, camera, draft)
 
     def sums(self) -> PixelSums:
-        """The sums so far of this share's pixels, and of its paths from the light for all pixels.
+        """The sums so far of this share's pixels, and of its light paths for all pixels.
 
         Where a region alone was sampled, they are of this region.
         """
@@ -297,7 +297,7 @@ class Rendering:
         return sums
 
     def adopt(self, sums: PixelSums) -> None:
-        """Put sums in place of what there is, merged ones for example.
+        """Replace the sums, by merged ones for example.
 
         Raises:
             InputError: they are of another picture.
@@ -330,9 +330,9 @@ class Rendering:
             raise InputError(f"the samples so far are of another picture: {difference}")
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """All that this rendering's future depends on: plain values, and arrays by name. See :meth:`restore`.
+        """Everything that the rest of this rendering depends on: plain values, and arrays by name. See :meth:`restore`.
 
-        The arrays are to be used before it goes on: they are where they lie in memory.
+        The arrays are views of its memory, to be used before it continues.
         """
         named, light_count = self._all_sums()
         named |= {"pixels": self.pixels, "taken": self._accumulator.taken}
@@ -353,7 +353,7 @@ class Rendering:
         return header, named | sampled
 
     def restore(self, header: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> None:
-        """Go on from a :meth:`state`, which may be another process's: the image becomes the same, bit for bit.
+        """Continue from a :meth:`state`, which may be another process's: the image becomes the same, bit for bit.
 
         Large arrays are taken out of ``arrays`` one by one.
 

@@ -134,7 +134,7 @@ class Sampling:
         return seen.ray, seen.inside
 
     def state(self) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """All that the samples to come depend on: plain values, and arrays by name. See :meth:`restore`."""
+        """Everything that further samples depend on: plain values, and arrays by name. See :meth:`restore`."""
         header = {
             "generator": self._generator.bit_generator.state,
             "lights_begun": None if self.lights is None else self._lights_begun,
@@ -148,7 +148,7 @@ class Sampling:
         return header, {f"cache_{name}": values for name, values in contents.items()}
 
     def restore(self, header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Go on from a :meth:`state`.
+        """Continue from a :meth:`state`.
 
         Raises:
             KeyError, TypeError, ValueError: it is damaged.

@@ -33,10 +33,10 @@ ARRAYS: dict[str, tuple[type[np.generic], int]] = {
 
 @dataclass(frozen=True)
 class Share:
-    """Part ``index`` of ``count`` of a still, that one process computes.
+    """Share ``index`` of ``count`` of a still's samples, which one process takes.
 
-    The parts of the camera's paths are sets of pixels, packet by packet in turn, so that they cost about the same; those
-    of the light's paths are every ``count``-th block of them.
+    Camera paths are divided by pixels, packet by packet in turn, so that shares cost about the same; of the light paths, a
+    share takes every ``count``-th block.
 
     Attributes:
         index: from 0 on.
@@ -86,7 +86,7 @@ class Origin:
         size: width and height in pixels.
         samples: per pixel, on average, that the whole picture has in the end.
         version: of lightdepth.
-        path: the scene file, for whoever merges; does not count for equality.
+        path: the scene file, for the command that merges; does not count for equality.
         camera: the camera's name, likewise.
         draft: whether it is a draft.
     """
@@ -118,8 +118,8 @@ class PixelSums:
 
     Attributes:
         origin: the picture that they belong to.
-        shares: which parts of the still are in them.
-        of: how many parts there are.
+        shares: which shares of the still are in them.
+        of: how many shares there are.
         pixels: row-major indices into the image, ascending, shape (n,), uint32.
         taken: samples of each, shape (n,), uint32.
         change: sums of the change of support surfaces' radiance, shape (n, 3), float32.
@@ -128,8 +128,8 @@ class PixelSums:
         covered: samples that met a new object, shape (n,), float32.
         light_change: sums of splats on support surfaces, shape (n, 3), float32.
         light_synthetic: likewise to new objects, shape (n, 3), float32.
-        light_squares: squares of each of that, mean of the channels, shape (n,), float32.
-        light_count: paths from the light; each of the three divided by it is a mean.
+        light_squares: squares of each splat, mean of the channels, shape (n,), float32.
+        light_count: light paths; each of the three divided by it is a mean.
         light_list_error: estimated relative error that the light lists give all pixels; 0 where it is not known.
         cache_error: likewise of the radiance cache.
         regions: the parts of the film that they are of, none of which meets another; empty for all of it.
@@ -154,12 +154,12 @@ class PixelSums:
 
     @property
     def complete(self) -> bool:
-        """Whether all parts of the still are there."""
+        """Whether all shares and regions of the still are there."""
         return not self.missing
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What the whole still lacks, in words."""
+        """The shares and regions that the whole still lacks, in words."""
         shares = [f"{share + 1}/{self.of}" for share in range(self.of) if share not in self.shares]
         left = gaps(self.regions, self.origin.size) if self.regions else []
         return (*shares, *(f"the region {_written(region)}" for region in left))
@@ -328,7 +328,7 @@ def _regions_of(group: Sequence[tuple[PixelSums, str]]) -> tuple[tuple[Region, .
     for part, its in group:
         if part.light_count != first.light_count:
             raise InputError(
-                f"{its}: does not belong to {name}: it is of another number of paths from the light "
+                f"{its}: does not belong to {name}: it is of another number of light paths "
                 f"({part.light_count} and {first.light_count})"
             )
     regions = tuple(sorted(region for part, _ in group for region in part.regions))

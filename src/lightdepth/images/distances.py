@@ -14,6 +14,7 @@ from lightdepth.directions import pixel_directions
 from lightdepth.errors import InputError, warn
 from lightdepth.images.exr import ExrHeader, ExrReader
 from lightdepth.images.pixels import read_pixels
+from lightdepth.parameters.distances import DEFAULT, DistancesParameters
 
 FloatArray = NDArray[np.float64]
 Kind = Literal["ray", "z", "disparity"]
@@ -23,12 +24,8 @@ FARTHEST = 1e9
 """Renderers mark the sky by numbers from here on; Blender by 1e10."""
 LARGEST_HALF = 65504.0
 """What becomes of such a number in half floats."""
-FARTHEST_SURFACE = 2e4
-"""Metres beyond which one hardly sees any."""
 UNMEASURED = 65535
 """A 16-bit image's way of saying so."""
-NEAR_THE_PLANE = 0.02
-"""Cosine to the viewing axis below which a distance along it says nothing about the one along the ray."""
 
 _EXACT_WORDS = ("z", "distance")
 _ANY_NAME = ("r", "v", "x", "y")
@@ -116,13 +113,14 @@ def _read(path: Path, channel: str | None) -> np.ndarray:
     return values
 
 
-def along_rays(values: FloatArray, kind: Kind, scale: float = 1.0) -> FloatArray:
+def along_rays(values: FloatArray, kind: Kind, scale: float = 1.0, tuned: DistancesParameters = DEFAULT) -> FloatArray:
     """Distances along the rays in metres, NaN where they are not known.
 
     Args:
         values: as they were read, shape (height, 2 height).
         kind: what they are.
         scale: metres of one; of disparity, the distance in metres of a disparity of one.
+        tuned: where a distance along the viewing axis says something.
     """
     if kind == "disparity":
         nearness = np.where(values >= 0.0, values, np.nan)
@@ -130,37 +128,49 @@ def along_rays(values: FloatArray, kind: Kind, scale: float = 1.0) -> FloatArray
     if kind == "ray":
         return values * scale
     forward = np.abs(pixel_directions(*values.shape)[..., 1])
-    return np.where(forward > NEAR_THE_PLANE, np.abs(values) / np.maximum(forward, NEAR_THE_PLANE), np.nan) * scale
+    return np.where(forward > tuned.near_plane, np.abs(values) / np.maximum(forward, tuned.near_plane), np.nan) * scale
 
 
-def likely_kind(values: FloatArray) -> Kind:
+def likely_kind(values: FloatArray, tuned: DistancesParameters = DEFAULT) -> Kind:
     """What the values seem to be.
 
     They are z where they are negative behind, or vanish beside the viewing axis, and disparity where those of floor and
     ceiling grow toward the nadir and the zenith.
+
+    Args:
+        values: as they were read, shape (height, 2 height).
+        tuned: what is recognised.
     """
     directions = pixel_directions(*values.shape)
     known = np.isfinite(values) & (values != 0.0)
-    if known.sum() < 64:
+    if known.sum() < tuned.fewest_known:
         return "ray"
     negative = values < 0.0
     behind = directions[..., 1] < 0.0
-    if (negative & known).sum() > 0.1 * known.sum() and (negative == behind)[known].mean() > 0.9:
+    if (negative & known).sum() > tuned.negative * known.sum() and (negative == behind)[
+        known
+    ].mean() > tuned.negative_behind:
         return "z"
-    beside = known & (np.abs(directions[..., 1]) < 0.05)
-    if beside.sum() > 16 and np.median(np.abs(values[beside])) < 0.15 * np.median(np.abs(values[known])):
-        return "z"
-    slopes = [slope for slope in (_slope(values, known, directions[:, 0, 2] * side) for side in (-1, 1)) if slope]
-    return "disparity" if slopes and 0.7 < min(slopes) <= max(slopes) < 1.3 else "ray"
+    beside = known & (np.abs(directions[..., 1]) < tuned.beside)
+    if beside.sum() > tuned.fewest_beside:
+        typical = np.median(np.abs(values[known]))
+        if np.median(np.abs(values[beside])) < tuned.vanishing * typical:
+            return "z"
+    found = (_slope(values, known, directions[:, 0, 2] * side, tuned) for side in (-1, 1))
+    slopes = [slope for slope in found if slope]
+    reciprocal = slopes and tuned.least_slope < min(slopes) <= max(slopes) < tuned.largest_slope
+    return "disparity" if reciprocal else "ray"
 
 
-def _slope(values: FloatArray, known: NDArray[np.bool_], steepness: FloatArray) -> float | None:
+def _slope(
+    values: FloatArray, known: NDArray[np.bool_], steepness: FloatArray, tuned: DistancesParameters
+) -> float | None:
     """Exponent by which the values of a floor or ceiling go with the sine of the angle to the horizon.
 
     It is -1 for distances, and 1 for their reciprocals.
     """
-    rows = [row for row in np.flatnonzero(steepness > 0.6) if known[row].mean() > 0.5]
-    if len(rows) < 4:
+    rows = [row for row in np.flatnonzero(steepness > tuned.steep) if known[row].mean() > 0.5]
+    if len(rows) < tuned.fewest_rows:
         return None
     medians = np.log(np.abs([np.median(values[row][known[row]]) for row in rows]))
     return float(np.polyfit(np.log(steepness[rows]), medians, 1)[0])
@@ -300,12 +310,13 @@ def check_kind(path: Path, values: FloatArray) -> None:
         )
 
 
-def warn_of_sky(path: Path, distances: FloatArray) -> None:
+def warn_of_sky(path: Path, distances: FloatArray, tuned: DistancesParameters = DEFAULT) -> None:
     """Warn of distances that seem to be a mark for the sky, or for the end of what was measured.
 
     Args:
         path: the file, for messages.
         distances: metres along the ray, shape (height, 2 height), NaN where not measured, inf for sky.
+        tuned: what seems to be a mark.
     """
     known, nearer = _known_and_nearer(distances)
     if not known.size:
@@ -314,13 +325,14 @@ def warn_of_sky(path: Path, distances: FloatArray) -> None:
     count = known.size - nearer.size
     states = "if that means the sky, 'reconstruct from-depth --sky-beyond' states it"
     # By chance a level floor or ceiling meets a row of pixels at exactly the same distance, and both of them two.
-    many = count > max(2.5 * distances.shape[1], 0.01 * distances.size)
-    if nearer.size and (many or (count > max(16, 0.002 * distances.size) and largest > 5.0 * nearer.max())):
+    many = count > max(tuned.far_row * distances.shape[1], tuned.far_share * distances.size)
+    some = count > max(tuned.far_fewest, tuned.far_fewest_share * distances.size)
+    if nearer.size and (many or (some and largest > tuned.far_ratio * nearer.max())):
         warn(
             f"{path}: {count} pixels have the same distance, {largest:g}, and all others at most {nearer.max():g}; "
             f"{states}"
         )
-    elif largest > FARTHEST_SURFACE:
+    elif largest > tuned.farthest_surface:
         warn(f"{path}: its distances go up to {largest:.3g} m; {states}")
 
 
@@ -330,14 +342,15 @@ def _known_and_nearer(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
     return known, known[known < known.max(initial=0.0) * (1.0 - 1e-6)]
 
 
-def warn_of_unit(path: Path, distances: FloatArray) -> None:
+def warn_of_unit(path: Path, distances: FloatArray, tuned: DistancesParameters = DEFAULT) -> None:
     """Warn of distances that are probably no metres; arguments as of :func:`warn_of_sky`."""
     known, nearer = _known_and_nearer(distances)
     if not known.size:
         return
     largest, middle = float(known.max()), float(np.median(known))
     convert = "'reconstruct from-depth --scale' converts them"
-    if middle > 300.0 and (not nearer.size or np.median(nearer) > 300.0):
+    most = tuned.largest_median
+    if middle > most and (not nearer.size or np.median(nearer) > most):
         warn(f"{path}: half of its distances are above {middle:.3g} m; if they are not metres, {convert}")
-    elif 0.99 < largest <= 1.0:
+    elif tuned.normalised < largest <= 1.0:
         warn(f"{path}: its distances end at {largest:g}; if they are normalised, {convert}")

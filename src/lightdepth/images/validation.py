@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import latlong_to_direction, pixel_solid_angles
 from lightdepth.errors import InputError
+from lightdepth.parameters.checks import DEFAULT, ChecksParameters
 
 SMALLEST_WIDTH = 8
 NEGLIGIBLE_NEGATIVE = 0.01
@@ -164,7 +165,7 @@ class Plateau:
 
     Attributes:
         value: the largest radiance of any channel.
-        count: number of pixels whose brightest channel is within half a percent of it.
+        count: number of pixels whose brightest channel is about that.
         share: their share of the sphere's solid angle.
     """
 
@@ -173,15 +174,16 @@ class Plateau:
     share: float
 
 
-def clipped_plateau(radiance: NDArray[np.float32]) -> Plateau | None:
+def clipped_plateau(radiance: NDArray[np.float32], tuned: ChecksParameters = DEFAULT) -> Plateau | None:
     """Recognise a panorama whose bright lights were clipped: they all have the same value.
 
-    A sun disk or a small lamp may be flat by itself; so a plateau counts from 16 pixels and four sun disks on (2e-5 of
-    the sphere), or if its value is the largest that a half float can hold. What was scaled down after clipping has no
-    plateau any more and is not recognised.
+    A sun disk or a small lamp may be flat by itself; so a plateau counts from some pixels and several sun disks on, or
+    if its value is the largest that a half float can hold. What was scaled down after clipping has no plateau any more
+    and is not recognised.
 
     Args:
         radiance: linear RGB of a panorama, shape (height, 2 height, 3), float32, finite and not negative.
+        tuned: from how many pixels on, and how large.
 
     Returns:
         The plateau, or ``None``.
@@ -189,9 +191,10 @@ def clipped_plateau(radiance: NDArray[np.float32]) -> Plateau | None:
     height, width = radiance.shape[:2]
     brightest = radiance.max(axis=2)
     value = float(brightest.max())
-    per_row = np.count_nonzero(brightest >= 0.995 * value, axis=1)
+    per_row = np.count_nonzero(brightest >= tuned.plateau_level * value, axis=1)
     count = int(per_row.sum())
     share = float(per_row @ pixel_solid_angles(height, width)) / (4.0 * np.pi)
-    if value > 0.0 and ((count >= 16 and share >= 2e-5) or (count >= 2 and value == LARGEST_HALF)):
+    large = count >= tuned.plateau_pixels and share >= tuned.plateau_share
+    if value > 0.0 and (large or (count >= 2 and value == LARGEST_HALF)):
         return Plateau(value, count, share)
     return None

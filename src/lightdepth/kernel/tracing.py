@@ -313,7 +313,7 @@ def interaction(
         scene: what was traced.
         found: by :func:`first_hit`.
         ray: which was traced.
-        active: where it is wanted.
+        active: lanes to evaluate.
     """
     if not isinstance(scene, WithInstances):
         return found.compute_surface_interaction(ray, mi.RayFlags.All, active)

@@ -19,7 +19,7 @@ from lightdepth.lighting.panorama_view import PanoramaView
 from lightdepth.lighting.patches import Clicks
 from lightdepth.lighting.sun_edges import align, measured, predicted_edges
 from lightdepth.lighting.sun_irradiance import combine, compare_sides
-from lightdepth.lighting.sun_mask import masked_suns
+from lightdepth.lighting.sun_mask import with_masks
 from lightdepth.lighting.sun_search import SunSearch
 from lightdepth.lighting.sunlight import Sunlight
 from lightdepth.parameters.lighting import DEFAULT, LightingParameters
@@ -87,7 +87,7 @@ def recover_clipped(
     Raises:
         InputError: clicks that are none, lie beside the surfaces, or contradict each other; no real surfaces.
     """
-    scene = replace(scene, panorama=replace(scene.panorama, unclipped=None), lights=masked_suns(scene))
+    scene = replace(scene, panorama=replace(scene.panorama, unclipped=None), lights=with_masks(scene))
     view = PanoramaView(scene)
     size = scene.panorama.radiance.shape[:2]
     height, width = size
@@ -122,7 +122,7 @@ def _recovered(
     grey: Sequence[tuple[FloatArray, FloatArray]],
     diameter: float,
 ) -> RecoveredSource:
-    explained = ExplainedLight.of(scene, suns=scene.lights)
+    explained = ExplainedLight.of(scene, lights=scene.lights)
     sunlight = Sunlight(scene) if plateau.sky else None
     direction = plateau.direction
     sun = plateau.sky and plateau.angular_radius > 0.5 * diameter
@@ -177,7 +177,7 @@ def _together(
     scene: Scene, view: PanoramaView, plateaus: Sequence[Plateau], grey: Sequence[tuple[FloatArray, FloatArray]]
 ) -> list[RecoveredSource]:
     """Several lamps from places of known albedo; those that the places do not tell apart get one gain in common."""
-    explained = ExplainedLight.of(scene, suns=scene.lights)
+    explained = ExplainedLight.of(scene, lights=scene.lights)
     places, albedo = (np.array(each) for each in zip(*grey, strict=True))
     seen = view.look(places)
     light = explained.irradiance(seen.point, seen.normal, view.tuned.pair_samples)

@@ -8,17 +8,17 @@ import numpy as np
 
 from lightdepth.directions import FloatArray
 from lightdepth.parameters.place import DEFAULT, PlaceParameters
-from lightdepth.scene.model import Panorama, RealSurface, Scene, SunLight
+from lightdepth.scene.model import Light, Panorama, RealSurface, Scene
 
 
 class ExplainedLight:
-    """Irradiance from the light-depth map, and from suns that are known already.
+    """Irradiance from the light-depth map, and from lights that are known already.
 
     Args:
         panorama: the photograph.
         real: the real surfaces.
         seed: of the random numbers.
-        suns: whose light is explained as well; none by default.
+        lights: declared ones whose light is explained as well; none by default.
         parameters: what the place is taken to be.
     """
 
@@ -27,7 +27,7 @@ class ExplainedLight:
         panorama: Panorama,
         real: tuple[RealSurface, ...],
         seed: int = 0,
-        suns: Sequence[SunLight] = (),
+        lights: Sequence[Light] = (),
         parameters: PlaceParameters = DEFAULT,
     ) -> None:
         from lightdepth.kernel.start import start
@@ -38,20 +38,20 @@ class ExplainedLight:
         from lightdepth.place.traced_surfaces import TracedSurfaces
 
         surfaces = TracedSurfaces(merge_real_surfaces(real))
-        self._place = Place(panorama, surfaces, suns=suns, parameters=parameters)
+        self._place = Place(panorama, surfaces, declared=lights, parameters=parameters)
         self._seed = seed
 
     @classmethod
-    def of(cls, scene: Scene, panorama: Panorama | None = None, suns: Sequence[SunLight] = ()) -> ExplainedLight:
+    def of(cls, scene: Scene, panorama: Panorama | None = None, lights: Sequence[Light] = ()) -> ExplainedLight:
         """The light in a scene's place, with its seed and parameters.
 
         Args:
             scene: the place.
             panorama: whose light it is; the scene's by default.
-            suns: whose light is explained as well.
+            lights: declared ones whose light is explained as well.
         """
         photograph = scene.panorama if panorama is None else panorama
-        return cls(photograph, scene.real, scene.render.seed, suns, scene.render.parameters.place)
+        return cls(photograph, scene.real, scene.render.seed, lights, scene.render.parameters.place)
 
     def irradiance(self, points: FloatArray, normals: FloatArray, samples: int) -> FloatArray:
         """Irradiance, shape (n, 3), at points on surfaces.

@@ -27,8 +27,8 @@ def fit_gain(scene: Scene, view: PanoramaView, share: FloatArray) -> tuple[Float
     weight = share[..., None].astype(np.float32)
     radiance = scene.panorama.radiance
     source, rest = (
-        ExplainedLight.of(scene, replace(scene.panorama, radiance=part), suns)
-        for part, suns in ((radiance * weight, ()), (radiance * (1.0 - weight), scene.lights))
+        ExplainedLight.of(scene, replace(scene.panorama, radiance=part), lights)
+        for part, lights in ((radiance * weight, ()), (radiance * (1.0 - weight), scene.lights))
     )
     index = np.arange(view.tuned.falloff_points)
     z = 1.0 - (2.0 * index + 1.0) / view.tuned.falloff_points

@@ -82,7 +82,7 @@ class Mirror:
         self._place = Place(
             scene.panorama,
             TracedSurfaces(merge_real_surfaces(real)),
-            suns=scene.lights,
+            declared=scene.lights,
             parameters=scene.render.parameters.place,
         )
         self._seed, self._view, self._tuned = scene.render.seed, view, view.tuned

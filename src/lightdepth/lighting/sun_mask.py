@@ -23,7 +23,7 @@ from lightdepth.lighting.sunlight import Sunlight
 from lightdepth.parameters.lighting import LightingParameters
 from lightdepth.scene.identity import digest, place_digest
 from lightdepth.scene.lights.frame import sun_axes
-from lightdepth.scene.model import Scene, SunLight
+from lightdepth.scene.model import Light, Scene, SunLight
 
 KEPT = 2
 """Places of which a process keeps the masks."""
@@ -45,31 +45,31 @@ class SunMask:
     extent: tuple[float, float, float, float]
 
 
-def masked_suns(scene: Scene) -> tuple[SunLight, ...]:
-    """The suns of a scene, with the masks that are to be recovered.
+def with_masks(scene: Scene) -> tuple[Light, ...]:
+    """The lights of a scene, suns with the masks that are to be recovered.
 
     A process keeps those of the places that it saw last: checking a scene and preparing it both need them.
 
     Raises:
         InputError: as :func:`recover_mask`.
     """
-    if not any(sun.recover_mask for sun in scene.lights):
+    if not any(isinstance(light, SunLight) and light.recover_mask for light in scene.lights):
         return scene.lights
     key = digest(place_digest(scene), scene.render.parameters.lighting)
     with _lock:
         if key not in _kept:
-            _kept[key] = tuple(_masked(scene, sun) for sun in scene.lights)
+            _kept[key] = tuple(_masked(scene, light) for light in scene.lights)
             while len(_kept) > KEPT:
                 _kept.popitem(last=False)
         return _kept[key]
 
 
-_kept: OrderedDict[str, tuple[SunLight, ...]] = OrderedDict()
+_kept: OrderedDict[str, tuple[Light, ...]] = OrderedDict()
 _lock = threading.Lock()
 
 
-def _masked(scene: Scene, sun: SunLight) -> SunLight:
-    if not sun.recover_mask:
+def _masked(scene: Scene, sun: Light) -> Light:
+    if not isinstance(sun, SunLight) or not sun.recover_mask:
         return sun
     try:
         mask = recover_mask(scene, sun)

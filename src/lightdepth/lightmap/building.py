@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from lightdepth.scene.model import Scene
 
 _PIXELS_AT_ONCE = 2**20
-LARGEST_STEP = 1.1
-"""Neighbouring given distances of a larger ratio are not interpolated: they may belong to different surfaces."""
 
 
 def build_light_depth_map(scene: Scene, progress: Callable[[float], None] | None = None) -> LightDepthMap:
@@ -39,7 +37,7 @@ def build_light_depth_map(scene: Scene, progress: Callable[[float], None] | None
         band = np.arange(top, min(top + rows, height))
         if caster is None:
             assert panorama.depth is not None
-            depth[band] = _resampled(panorama.depth, band, height, width)
+            depth[band] = _resampled(panorama.depth, band, height, width, scene.render.parameters.place.depth_step)
         else:
             u, v = np.broadcast_arrays((np.arange(width) + 0.5) / width, (band[:, None] + 0.5) / height)
             directions = latlong_to_direction(u, v).reshape(-1, 3) @ panorama.rotation.T
@@ -49,7 +47,9 @@ def build_light_depth_map(scene: Scene, progress: Callable[[float], None] | None
     return LightDepthMap(panorama.radiance, depth, panorama.position, panorama.rotation)
 
 
-def _resampled(depth: NDArray[np.float32], band: NDArray[np.intp], height: int, width: int) -> NDArray[np.float32]:
+def _resampled(
+    depth: NDArray[np.float32], band: NDArray[np.intp], height: int, width: int, largest_step: float
+) -> NDArray[np.float32]:
     """Rows of a depth image in another resolution.
 
     The reciprocal distance is interpolated bilinearly, for on a plane it is linear in the direction. Across jumps in
@@ -75,4 +75,4 @@ def _resampled(depth: NDArray[np.float32], band: NDArray[np.intp], height: int, 
             reciprocal += weight[:, None] * share / value
     nearest = depth[np.clip(np.rint(y), 0, rows - 1).astype(int)[:, None], np.rint(x).astype(int) % columns]
     interpolated = np.divide(1.0, reciprocal, out=np.full_like(reciprocal, np.inf), where=reciprocal > 0.0)
-    return np.where(far <= LARGEST_STEP * near, interpolated, nearest).astype(np.float32)
+    return np.where(far <= largest_step * near, interpolated, nearest).astype(np.float32)

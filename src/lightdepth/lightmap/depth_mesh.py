@@ -6,23 +6,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lightdepth.directions import latlong_to_direction
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.scene.model import Mesh
 
-FLATTEST_ANGLE = np.radians(10.0)
-"""Neighbours are joined without question where the line between them meets the view at a larger angle."""
-UNEXPLAINED = 0.25
-"""At a flatter angle they are joined where a plane through either side's neighbours explains all but this share."""
 SHIFT = 0.1
 """Vertices lie this share of a pixel beside the pixels' centres: rays through centres would slip through vertices."""
 
 
 def mesh_from_depth(
-    depth: NDArray[np.float32], position: NDArray[np.float64], rotation: NDArray[np.float64], max_width: int = 1024
+    depth: NDArray[np.float32],
+    position: NDArray[np.float64],
+    rotation: NDArray[np.float64],
+    max_width: int | None = None,
+    tuned: PlaceParameters = DEFAULT,
 ) -> Mesh:
     """Make a triangle mesh of what the capture point sees, open at jumps in depth and at sky.
 
     Two neighbouring pixels lie on one surface if the line between their points meets the view at more than
-    ``FLATTEST_ANGLE``, or else if a plane goes on from one of them to the other: on a plane the reciprocal distance is
+    ``depth_angle``, or else if a plane goes on from one of them to the other: on a plane the reciprocal distance is
     linear in the direction, so that the two pixels before (or behind) predict the next one. The second test keeps
     floors and walls whole that are seen at a grazing angle, where depth changes fast. Across any other step the mesh is
     cut, and nothing closes the gap behind the nearer surface. The panorama's edge is joined, and the poles are closed.
@@ -32,20 +33,21 @@ def mesh_from_depth(
         position: capture point, world, metres, shape (3,).
         rotation: light space to world, shape (3, 3).
         max_width: a wider depth image is thinned out to at most this many columns: ``max_width ** 2``
-            triangles are the most.
+            triangles are the most; ``None`` is ``depth_width``.
+        tuned: which pixels are joined.
 
     Returns:
         A mesh in world space whose faces are counter-clockwise seen from the capture point, without unused vertices;
         without any where all is sky.
     """
     height, width = depth.shape
-    stride = -(-width // max_width)
+    stride = -(-width // (tuned.depth_width if max_width is None else max_width))
     columns, rows = np.arange(stride // 2, width, stride), np.arange(stride // 2, height, stride)
     u, v = np.broadcast_arrays((columns[None, :] + 0.5) / width, (rows[:, None] + 0.5) / height)
     reciprocal = 1.0 / depth[np.ix_(rows, columns)].astype(np.float64)
     reciprocal = np.vstack([_pole(reciprocal[0]), reciprocal, _pole(reciprocal[-1])])
     directions = _with_poles(latlong_to_direction(u, v))
-    right, down = joined(reciprocal, directions, axis=1), joined(reciprocal, directions, axis=0)
+    right, down = (joined(reciprocal, directions, axis, tuned) for axis in (1, 0))
     reciprocal[1:-1] += _slope(reciprocal[1:-1], right[1:-1], down[1:-1])
     directions = _with_poles(latlong_to_direction(u + SHIFT * stride / width, v + SHIFT * stride / height))
     used, faces = np.unique(_faces(right, down), return_inverse=True)
@@ -82,13 +84,19 @@ def _pole(row: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.full((1, row.size), np.median(row))
 
 
-def joined(reciprocal: NDArray[np.float64], directions: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:
+def joined(
+    reciprocal: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    axis: int,
+    tuned: PlaceParameters = DEFAULT,
+) -> NDArray[np.bool_]:
     """Whether each pixel lies on one surface with the next one along an axis.
 
     Args:
         reciprocal: 1 / distance, 0 for sky, shape (rows, columns).
         directions: unit vectors, shape (rows, columns, 3).
         axis: 0 down, where the last row has no next one, or 1 to the right, which goes round.
+        tuned: which are joined.
 
     Returns:
         Shape (rows - 1, columns) or (rows, columns).
@@ -107,10 +115,10 @@ def joined(reciprocal: NDArray[np.float64], directions: NDArray[np.float64], axi
     # In the triangle of both points and the capture point, with distances 1 / q, the angle at the farther point has
     # tan = q_far sin a / (q_near - q_far cos a).
     near, far = np.maximum(first, second), np.minimum(first, second)
-    facing = far * np.sqrt(1.0 - cosine**2) >= np.tan(FLATTEST_ANGLE) * (near - far * cosine)
+    facing = far * np.sqrt(1.0 - cosine**2) >= np.tan(np.radians(tuned.depth_angle)) * (near - far * cosine)
     step = second - first
     before, behind = first - shifted(reciprocal, -1), shifted(reciprocal, 2) - second
-    predicted = np.minimum(np.abs(step - before), np.abs(step - behind)) <= UNEXPLAINED * np.abs(step)
+    predicted = np.minimum(np.abs(step - before), np.abs(step - behind)) <= tuned.depth_unexplained * np.abs(step)
     return (far > 0.0) & (facing | predicted)
 
 

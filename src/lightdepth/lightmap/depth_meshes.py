@@ -9,36 +9,38 @@ from numpy.typing import NDArray
 
 from lightdepth.directions import direction_to_latlong
 from lightdepth.lightmap.depth_mesh import mesh_from_depth
+from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.scene.meshes.geometry import face_normals
 from lightdepth.scene.model import Mesh, Panorama
 
-SAME = 0.02
-"""Relative difference of distances, besides that within a pixel, up to which another depth image shows the surface."""
-STEEPEST = 0.05
-"""Cosine of the most grazing view for which the distances within a pixel are allowed for."""
 
-
-def meshes_from_depth(panoramas: Sequence[Panorama]) -> list[Mesh]:
+def meshes_from_depth(panoramas: Sequence[Panorama], tuned: PlaceParameters = DEFAULT) -> list[Mesh]:
     """A mesh for each panorama with depth; later ones without the faces that an earlier one sees.
 
     Two measurements of a surface would lie one before the other, and the one behind would be in the dark.
+
+    Args:
+        panoramas: some of them with depth.
+        tuned: what is one surface.
     """
     measured = [panorama for panorama in panoramas if panorama.depth is not None]
     meshes = []
     for index, panorama in enumerate(measured):
         assert panorama.depth is not None
-        mesh = mesh_from_depth(panorama.depth, panorama.position, panorama.rotation)
+        mesh = mesh_from_depth(panorama.depth, panorama.position, panorama.rotation, tuned=tuned)
         centres = mesh.vertices[mesh.faces].mean(axis=1, dtype=np.float64)
         known = np.zeros(len(mesh.faces), bool)
         for earlier in measured[:index]:
-            known |= _shown(centres, face_normals(mesh.vertices, mesh.faces), earlier)
+            known |= _shown(centres, face_normals(mesh.vertices, mesh.faces), earlier, tuned)
         faces = mesh.faces[~known]
         used, renumbered = np.unique(faces, return_inverse=True)
         meshes.append(Mesh(mesh.vertices[used], renumbered.reshape(-1, 3).astype(np.int32)))
     return [mesh for mesh in meshes if len(mesh.faces)]
 
 
-def _shown(points: NDArray[np.float64], normals: NDArray[np.float32], panorama: Panorama) -> NDArray[np.bool_]:
+def _shown(
+    points: NDArray[np.float64], normals: NDArray[np.float32], panorama: Panorama, tuned: PlaceParameters
+) -> NDArray[np.bool_]:
     """Which points the depth image of a panorama shows from the side of their normals, shape (n,)."""
     assert panorama.depth is not None
     offset = points - panorama.position
@@ -49,6 +51,6 @@ def _shown(points: NDArray[np.float64], normals: NDArray[np.float32], panorama: 
     column = np.clip((u * width).astype(int), 0, width - 1)
     depth = panorama.depth[row, column]
     cosine = -np.einsum("ij,ij->i", normals, offset) / np.maximum(distance, 1e-12)
-    tolerance = SAME + np.pi / height / np.maximum(cosine, STEEPEST)
+    tolerance = tuned.depth_same + np.pi / height / np.maximum(cosine, tuned.grazing)
     near = np.abs(distance - depth) <= tolerance * np.where(np.isfinite(depth), depth, 0.0)
     return np.asarray(near & (cosine > 0.0))

@@ -1,10 +1,10 @@
 """The constants that were tuned, and why each has its value: a benchmark varies them without patching modules.
 
 They are part of a scene's settings (``[render.parameters]`` in its file), and so of every digest of a scene: sums,
-checkpoints, frames and cached places of different parameters are never taken for each other. Those of what comes before
-the scene file are arguments of the functions that they belong to, and no part of the scene: ``CaptureParameters``,
-``MirrorBallParameters``, ``CalibrationParameters``, ``ReconstructionParameters``, and ``QuickstartParameters``, by which
-a first scene is guessed.
+checkpoints, frames and cached places of different parameters are never taken for each other. The others are arguments of
+the functions that they belong to, and no part of the scene: ``CaptureParameters``, ``MirrorBallParameters``,
+``CalibrationParameters``, ``DistancesParameters`` and ``ReconstructionParameters`` of what comes before the scene file,
+``QuickstartParameters``, by which a first scene is guessed, and ``ChecksParameters``, by which a scene is checked.
 """
 
 from __future__ import annotations
@@ -14,7 +14,9 @@ from pydantic.dataclasses import dataclass
 from lightdepth.parameters.balance import BalanceParameters
 from lightdepth.parameters.calibration import CalibrationParameters
 from lightdepth.parameters.capture import CaptureParameters
+from lightdepth.parameters.checks import ChecksParameters
 from lightdepth.parameters.denoising import DenoisingParameters
+from lightdepth.parameters.distances import DistancesParameters
 from lightdepth.parameters.film import FilmParameters
 from lightdepth.parameters.lighting import LightingParameters
 from lightdepth.parameters.mirror_ball import MirrorBallParameters
@@ -31,7 +33,9 @@ __all__ = [
     "BalanceParameters",
     "CalibrationParameters",
     "CaptureParameters",
+    "ChecksParameters",
     "DenoisingParameters",
+    "DistancesParameters",
     "FilmParameters",
     "LightingParameters",
     "MirrorBallParameters",

@@ -26,6 +26,7 @@ class BalanceParameters:
         plate_blocks: blocks across a plate: their means are compared, so that a pixel's noise, or an edge beside its place,
             matters little.
         plate_points: along each side of a block, at which the panoramas are asked.
+        plate_flat: cosine between the normals of a block's points from which on it shows one flat surface.
         plate_clipped: times a plate's largest value, from which on a pixel may be clipped.
         plate_contrast: contrast of the plate over that of the panoramas that no gain explains,
         plate_correlation: where they are so correlated.
@@ -44,6 +45,7 @@ class BalanceParameters:
     too_far: Ratio = 1.35
     plate_blocks: Count = 96
     plate_points: Count = 4
+    plate_flat: Share = 0.999
     plate_clipped: Share = 0.98
     plate_contrast: Ratio = 1.25
     plate_correlation: Share = 0.8

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Share
+from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Ratio, Share
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -35,7 +38,7 @@ class PlaceParameters:
         seen_depth: relative difference of distances up to which the capture point is taken to see a real point,
         grazing: cosine at which surfaces count as no more slanted: within a pixel, these change their depth.
         off_plane: pixels of the map from a real point's plane up to which a surface does not certainly occlude it.
-        measured_before: times the model's distance; where several photographs are weighed, what was measured nearer is
+        measured_before: times the model's distance; where several photographs are weighted, what was measured nearer is
             something else.
         removed_rim: pixels of the map around what is removed that count as showing it.
         removed_slant: cosine between a vertex's normal and its faces, below which it is not moved farther to enclose that
@@ -44,6 +47,15 @@ class PlaceParameters:
             removed.
         sky_distance: metres to which the sky is brought for comparing directions, so that a nearer capture point counts for
             more.
+        depth_angle: degrees of the view to the line between neighbouring pixels of a depth image from which on they are
+            joined without question.
+        depth_unexplained: share of a flatter step that a plane through either side's neighbours need not explain for them
+            to be joined even so.
+        depth_width: columns to which wider depth images are thinned out for meshes.
+        depth_same: relative difference of distances, besides that within a pixel, up to which another depth image shows
+            the same surface.
+        depth_step: ratio of neighbouring distances of a depth image from which on none is interpolated between them: they
+            may belong to different surfaces.
         glowing: ratio ``pi M / E`` above which a surface is taken to emit light by itself.
         least_diffuse: share of its typical diffuse radiance that a glossy surface keeps wherever its lobe would mirror more
             than is shown.
@@ -80,6 +92,11 @@ class PlaceParameters:
     removed_slant: Probability = 0.4
     removed_depth: Positive = 4.0
     sky_distance: Positive = 100.0
+    depth_angle: Annotated[Positive, Field(lt=90.0)] = 10.0
+    depth_unexplained: NotNegative = 0.25
+    depth_width: Count = 1024
+    depth_same: NotNegative = 0.02
+    depth_step: Ratio = 1.1
     glowing: Positive = 1.5
     least_diffuse: Share = 0.5
     always_mirrored: Share = 0.3

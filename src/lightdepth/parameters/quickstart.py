@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
 from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Share
@@ -16,13 +16,18 @@ class QuickstartParameters:
 
     Attributes:
         camera_height: metres of a camera on its tripod above the floor, where nobody says.
+        lowest_camera: metres above the floor below which a given height is unusual,
+        highest_camera: and above which.
         sure_directions: confidence from which directions that edges show are used.
         blue: natural logarithm of blue over red from which light is that of the sky, or of what the sky lights.
         blue_share: share of the directions above the horizon with such light from which on the place is in the open. Of
             the photographs looked at, five rooms have up to 0.17, two meadows and a courtyard 0.70 and more.
+        sky_rows: of the small panorama by whose colours it is guessed whether a place is in the open.
         grey_sky: a smooth zenith this many times as bright as the ground is an overcast sky where there are no
             walls.
-        smooth: standard deviation of the logarithm of luminance within some degrees.
+        smooth: standard deviation of the logarithm of luminance around a pixel of a smooth sky,
+        smooth_window: pixels across the square in which it is taken,
+        smooth_share: and share of the zenith that must be so smooth.
         ground_radius: of the ground in the open, metres.
         dome_radius: camera heights.
         dome_height: camera heights.
@@ -34,13 +39,24 @@ class QuickstartParameters:
         gap: between neighbours, as a share of the larger one's width.
         nearest: camera heights from the point below the camera, at least, so that nobody looks straight down on the
             objects.
+        floor_rows: of the small panorama in which empty floor is looked for.
+        closest: times the best distance from which on spots are tried,
+        farthest: up to which,
+        distances: at how many distances in equal ratios,
+        turn: and degrees from one direction to the next.
         around: points around a spot, on each of three rings, that are looked at.
         margin: metres between the objects and a guessed wall.
+        free: mean difference of colours from the floor beside the camera up to which a spot seems to be free.
+        most_unlike: difference (natural logarithm) of a point, at most: all that is no floor is alike.
         forward: what looking toward the picture's middle is worth, beside differences of colour (natural logarithm).
         far: what each halving or doubling of the best distance costs.
+        room_share: of a room's shorter side that an object may take, at most.
+        shortest_view: camera heights to the objects, at least, beside half of their own width;
+        longest_view: the same at most.
         group_share: of the view's width that the objects take, and at most twice that of its height.
         below: share of the view's height below the objects; they stand low in it, so that more of the place is seen.
         aspect: the view's height over its width.
+        samples: of each pixel of the first picture.
         smallest_fov: horizontal field of view, degrees.
         largest_fov: the same.
         smallest_width: of the view, pixels.
@@ -49,11 +65,16 @@ class QuickstartParameters:
     """
 
     camera_height: Positive = 1.6
+    lowest_camera: Positive = 0.2
+    highest_camera: Positive = 10.0
     sure_directions: Share = 0.5
     blue: NotNegative = 0.1
     blue_share: Share = 0.45
+    sky_rows: Annotated[Count, Field(multiple_of=16)] = 256
     grey_sky: Positive = 1.5
     smooth: Positive = 0.1
+    smooth_window: Count = 9
+    smooth_share: Share = 0.8
     ground_radius: Positive = 50.0
     dome_radius: Positive = 4.0
     dome_height: Positive = 2.6
@@ -64,13 +85,24 @@ class QuickstartParameters:
     ball: Positive = 0.18
     gap: NotNegative = 0.35
     nearest: NotNegative = 0.5
+    floor_rows: Count = 512
+    closest: Positive = 0.3
+    farthest: Positive = 1.6
+    distances: Count = 11
+    turn: Positive = 7.5
     around: Count = 24
     margin: NotNegative = 0.1
+    free: Positive = 0.9
+    most_unlike: Positive = 1.5
     forward: NotNegative = 0.25
     far: NotNegative = 0.2
+    room_share: Share = 0.6
+    shortest_view: Positive = 0.8
+    longest_view: Positive = 1.7
     group_share: Positive = 0.3
     below: Share = 0.15
     aspect: Positive = 0.625
+    samples: Count = 32
     smallest_fov: Positive = 18.0
     largest_fov: Positive = 80.0
     smallest_width: Count = 640
@@ -82,6 +114,13 @@ class QuickstartParameters:
         for what in ("object", "fov", "width"):
             if getattr(self, f"smallest_{what}") > getattr(self, f"largest_{what}"):
                 raise ValueError(f"smallest_{what} must be at most largest_{what}")
+        for less, more in (
+            ("closest", "farthest"),
+            ("shortest_view", "longest_view"),
+            ("lowest_camera", "highest_camera"),
+        ):
+            if getattr(self, less) > getattr(self, more):
+                raise ValueError(f"{less} must be at most {more}")
         return self
 
 

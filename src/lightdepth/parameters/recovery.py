@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Share
+from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Share
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -21,6 +21,8 @@ class RecoveryParameters:
         vertices_a_sample: the same, for each sample of a point: a quick look is not worth a fine mesh.
         shortest_edge: metres; shorter edges are not halved.
         coarsest_edge: longest edge that is accepted without a test, as a share of the support's diagonal.
+        inward: share of the way to the middle of the faces around that points are moved where light is estimated: exactly
+            in the plane of a wall, half of it would be missed.
         dark: vertices below this share of the median irradiance lie inside something; they take their neighbours' value.
         check_points: points at which the interpolated irradiance is compared with a careful estimate.
         check_samples: samples of that estimate, for each sample at a vertex.
@@ -31,6 +33,7 @@ class RecoveryParameters:
         unseen_rounds: how many times the light of unseen surfaces is estimated: they light each other.
         unseen_mesh_samples: samples for finding their mesh; few, which keeps it coarse.
         unseen_tolerance: ``interpolation_tolerance`` of it.
+        unseen_fewer: samples of the support's vertices to one at each vertex of unseen surfaces, at most.
         unseen_samples: samples at each vertex of it, at most.
         unseen_vertex_samples: samples at all its vertices together, at most.
         unseen_fewest_samples: samples at each vertex, at least; many vertices share their noise.
@@ -62,6 +65,7 @@ class RecoveryParameters:
     vertices_a_sample: Count = 240
     shortest_edge: Positive = 0.01
     coarsest_edge: Positive = 1 / 10
+    inward: Probability = 0.01
     dark: NotNegative = 1e-3
     check_points: Count = 1024
     check_samples: Count = 2
@@ -72,6 +76,7 @@ class RecoveryParameters:
     unseen_rounds: Depth = 3
     unseen_mesh_samples: Count = 16
     unseen_tolerance: NotNegative = 0.04
+    unseen_fewer: Count = 4
     unseen_samples: Count = 64
     unseen_vertex_samples: Count = 1 << 20
     unseen_fewest_samples: Count = 8

@@ -1,4 +1,4 @@
-"""How far a photograph is trusted near the edges of what hides something from it, and near its mask (theory, section 9)."""
+"""The feather of a photograph near occlusion edges and near its mask (theory, section 9)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lightdepth.parameters.place import DEFAULT, PlaceParameters
 
 LEAST = 1e-6
-"""Where a photograph fades out and no other one sees the surface, it counts all the same."""
+"""Where a photograph fades out and no other one sees the surface, it still counts."""
 
 
 def edge_feather(depth: NDArray[np.float32], tuned: PlaceParameters = DEFAULT) -> NDArray[np.float32]:

@@ -28,7 +28,7 @@ class LightSample:
         radiance: M there.
         finite: false for sky.
         on_relit: on a surface that is relit in full, so that its light is no light of the new scene.
-        is_sun: of a declared sun, whose light passes openings.
+        light: index of its light among those of the place; 0 is the photograph.
     """
 
     position: mi.Vector3f
@@ -37,7 +37,7 @@ class LightSample:
     radiance: mi.Color3f
     finite: mi.Bool
     on_relit: mi.Bool
-    is_sun: mi.Bool
+    light: mi.UInt32
 
 
 class LightList:
@@ -87,7 +87,7 @@ class LightList:
             mi.Color3f(dr.abs(second.w)),
             finite,
             finite & (second.w < 0.0),
-            mi.Bool(False),
+            mi.UInt32(0),
         )
 
     def _index(self, u: mi.Float) -> mi.UInt32:
@@ -100,7 +100,7 @@ def joined(samples: Sequence[LightSample], counts: Sequence[int]) -> LightSample
 
     def joined(name: str) -> Any:
         values = [getattr(sample, name) for sample in samples]
-        kind, scalar = type(values[0]), type(values[0]) in (mi.Float, mi.Bool)
+        kind, scalar = type(values[0]), type(values[0]) in (mi.Float, mi.Bool, mi.UInt32)
         rows = [np.asarray(value.numpy()).reshape(1 if scalar else 3, -1) for value in values]
         wide = [np.broadcast_to(row, (len(row), count)) for row, count in zip(rows, counts, strict=True)]
         columns = [aligned(column, column.dtype) for column in np.concatenate(wide, axis=1)]

@@ -6,8 +6,8 @@ probability proportional to its luminance times its solid angle, then moved by a
 sum of such tents is the bilinear interpolation of the pixels' probabilities, so that a lamp of a few pixels at
 radiance 30,000 gives no outliers where its edge is interpolated.
 
-What is no brighter than the rest is found well enough by the directions that surfaces scatter light into. Where those are
-taken too, light sampling had better keep to what stands out: a pixel's luminance counts less the map's mean (Karlik et
+BSDF sampling covers radiance below the mean well enough. Where it is
+used too, light sampling is limited to what exceeds the mean: a pixel's luminance counts less the map's mean (Karlik et
 al. 2019, "MIS compensation").
 """
 
@@ -59,7 +59,7 @@ class MapDistribution:
     Attributes:
         power: luminance times solid angle that is sampled, with its importance.
         light: luminance times solid angle of the whole map.
-        standing_out: what of it lies above its mean.
+        standing_out: its part above the mean.
     """
 
     def __init__(

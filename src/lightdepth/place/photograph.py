@@ -35,7 +35,7 @@ from lightdepth.scene.model import Panorama
 
 
 class Photograph(Photographed):
-    """A panorama, both as the appearance of the place and as a light: all that concerns one capture point.
+    """A panorama, both as the appearance of the place and as a light: everything that depends on one capture point.
 
     Args:
         panorama: the photograph and its pose.
@@ -86,26 +86,26 @@ class Photograph(Photographed):
 
     @property
     def capture(self) -> NDArray[np.float64]:
-        """As the base says."""
+        """See the base class."""
         return self._position
 
     def _scaled(self, radiance: NDArray[np.float32]) -> NDArray[np.float32]:
         return radiance if self._gain is None else radiance * self._gain
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Photograph:
-        """As the base says."""
+        """See the base class."""
         photograph = copy(self)
         photograph.surfaces = surfaces
         return photograph
 
     def with_mirrored(self, images: Sequence[NDArray[np.float32]]) -> Photograph:
-        """As the base says."""
+        """See the base class."""
         photograph = copy(self)
         photograph._mirrored = _texture(images[0])
         return photograph
 
     def beside_others(self, panorama: Panorama) -> Photograph:
-        """The same photograph, made ready to be weighed against others of the place.
+        """The same photograph, prepared for weighting against others of the place.
 
         Args:
             panorama: that it was made from.
@@ -197,13 +197,13 @@ class Photograph(Photographed):
         return radiance, pdf
 
     def sharp(self, hit: RealHit, ray: mi.Ray3f) -> mi.Color3f:
-        """As the base says."""
+        """See the base class."""
         point = dr.select(hit.valid, self.surfaces.rest_point(hit, hit.valid), hit.point)
         seen = dr.select(hit.valid, dr.normalize(mi.Vector3f(point - self._capture)), ray.d)
         return self.sharp_at(self._to_light @ seen)
 
     def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
-        """As the base says."""
+        """See the base class."""
         _, unseen, _ = self.sight(mi.Vector3f(hit.point), hit.normal)
         return [mi.Float(dr.select(hit.valid & unseen, 0.0, 1.0))]
 
@@ -212,7 +212,7 @@ class Photograph(Photographed):
         return self._shown.sharp_radiance(direction)
 
     def sharp_of(self, sighting: Sighting, point: mi.Vector3f, normal: mi.Vector3f, finite: mi.Bool) -> mi.Color3f:
-        """The picture of points, sharply interpolated from pixels that show their surface and not what stands beside it.
+        """The picture of points, sharply interpolated from pixels that show their surface and not its neighbours.
 
         Args:
             sighting: of the points.
@@ -239,12 +239,12 @@ class Photograph(Photographed):
         return self._reflecting.radiance(direction)
 
     def surface_radiance(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
-        """As the base says; the direction plays no part."""
+        """See the base class; the direction is not used."""
         _, unseen, radiance = self.sight(mi.Vector3f(self.surfaces.rest_point(hit, active)), hit.normal)
         return self._with_unseen(radiance, hit, active & unseen)
 
     def mirrored(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
-        """As the base says; the direction plays no part."""
+        """See the base class; the direction is not used."""
         if self._mirrored is None:
             return mi.Color3f(0.0)
         offset = mi.Vector3f(self.surfaces.rest_point(hit, active) - self._capture)
@@ -267,7 +267,7 @@ class Photograph(Photographed):
         return self.surfaces.first_real(mi.Ray3f(mi.Point3f(self._capture), direction), mi.Bool(True)), direction
 
     def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
-        """As the base says."""
+        """See the base class."""
         offset = point - mi.Vector3f(self._capture)
         depth = dr.norm(offset)
         direction = offset * dr.rcp(dr.maximum(depth, 1e-20))
@@ -280,15 +280,15 @@ class Photograph(Photographed):
         )
 
     def shares_at(self, point: mi.Vector3f, normal: mi.Vector3f) -> list[NDArray[np.float32]]:
-        """As the base says."""
+        """See the base class."""
         return [np.ones(dr.width(point), np.float32)]
 
     def surface_shares(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> list[NDArray[np.float32]]:
-        """As the base says."""
+        """See the base class."""
         return [np.ones(dr.width(hit.point), np.float32)]
 
     def faced(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """As the base says."""
+        """See the base class."""
         return np.asarray(np.einsum("ij,ij->i", normals, points - self.capture) < 0.0)
 
     def sighting(
@@ -301,7 +301,7 @@ class Photograph(Photographed):
             normal: of the surface there, either side, unit, world.
             finite: false for sky.
             direction: of the sky, unit, world.
-            active: where it is wanted.
+            active: lanes to evaluate.
         """
         offset = point - mi.Vector3f(self._capture)
         distance = dr.norm(offset)
@@ -357,7 +357,7 @@ class Photograph(Photographed):
             density = dr.select(finite, pdf * cosine / dr.square(hit.distance), pdf) & seen
             if self.surfaces.deformed:
                 radiance = dr.select(finite, self.surface_radiance(hit, direction, finite), radiance)
-        return LightSample(position, normal, density, radiance, finite, relit, mi.Bool(False))
+        return LightSample(position, normal, density, radiance, finite, relit, mi.UInt32(0))
 
     # -- Sky behind what the capture point sees -----------------------------------------------------------------
 
@@ -443,7 +443,7 @@ class Photograph(Photographed):
         return dr.select(hidden, 0.0, mapped)
 
     def _capture_sees(self, mapped: mi.Float, depth: mi.Float, cosine: mi.Float) -> mi.Bool:
-        """Whether the capture point sees a point, as shadow maps decide it: by the depth of the map in its direction.
+        """Whether the capture point sees a point, as with shadow maps: by the depth of the map in its direction.
 
         Args:
             mapped: that depth, metres, inf for sky.

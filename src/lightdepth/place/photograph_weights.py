@@ -1,4 +1,4 @@
-"""How much each photograph counts for a point of the place: docs/theory.md, section 9, eq. (10) to (12).
+"""Weights of the photographs at a point of the place: docs/theory.md, section 9, eq. (10) to (12).
 
 The weights add up to 1. They are the one place where photographs are compared: plate, albedo and light all use them.
 """
@@ -79,8 +79,8 @@ def weigh(
         sightings: of the points, by each photograph.
         normal: of the surface there, either side, unit, world.
         finite: false for sky.
-        direction: in which the points are looked at, unit, world; ``None``: from any side.
-        origin: camera that looks at them, world, metres; the nearer its direction is to a photograph's, the more this
+        direction: of view toward the points, unit, world; ``None``: from any side.
+        origin: of the camera that sees them, world, metres; the nearer its direction is to a photograph's, the more this
             one counts. ``None``: what they send to surfaces, in which the direction plays no part.
         captures: capture points of the photographs; needed with ``origin``.
         sky_distance: metres to which the sky is brought for comparing directions.

@@ -1,4 +1,4 @@
-"""What a place knows of its photographs, be they one or several: as its appearance and as its light."""
+"""The interface of one or several photographs to the place: its appearance and its light."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class Photographed(RealLight):
-    """The appearance of a place, and the light that all that is seen in it sends.
+    """The appearance of a place, and the light of everything seen in it.
 
     Attributes:
         surfaces: the real surfaces to trace.
@@ -43,7 +43,7 @@ class Photographed(RealLight):
 
     @property
     def standing_out(self) -> float:
-        """Share of their light that lies above their mean: what light sampling finds better than scattering does."""
+        """Share of their light above their mean, which light sampling finds better than BSDF sampling."""
         light = sum(photograph.map.light for photograph in self.each)
         return sum(photograph.map.standing_out for photograph in self.each) / max(light, 1e-30)
 
@@ -78,8 +78,8 @@ class Photographed(RealLight):
 
         Args:
             hit: the points.
-            direction: from where they are looked at, toward them, unit, world.
-            active: where it is wanted.
+            direction: of view toward them, unit, world.
+            active: lanes to evaluate.
         """
 
     @abstractmethod

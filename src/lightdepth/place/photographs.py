@@ -1,6 +1,6 @@
-"""Several photographs of one place: one appearance and one light, weighed point by point.
+"""Several photographs of one place: one appearance and one light, weighted point by point.
 
-Equations: docs/theory.md, section 9. Each point of the place sends the weighed mean of what the photographs show of it,
+Equations: docs/theory.md, section 9. Each point of the place sends the weighted mean of what the photographs show of it,
 and light samples are drawn from all of them, each from where it samples that point best.
 """
 
@@ -79,7 +79,7 @@ class Photographs(Photographed):
         self._shares: list[float] = (shares / shares.sum()).tolist()
 
     def with_surfaces(self, surfaces: TracedSurfaces) -> Photographs:
-        """As the base says."""
+        """See the base class."""
         photographs = copy(self)
         photographs.surfaces = surfaces
         photographs.each = tuple(each.with_surfaces(surfaces) for each in self.each)
@@ -87,7 +87,7 @@ class Photographs(Photographed):
         return photographs
 
     def with_mirrored(self, images: Sequence[NDArray[np.float32]]) -> Photographs:
-        """As the base says."""
+        """See the base class."""
         photographs = copy(self)
         photographs.each = tuple(each.with_mirrored([image]) for each, image in zip(self.each, images, strict=True))
         return photographs
@@ -97,7 +97,7 @@ class Photographs(Photographed):
     def arriving(
         self, ray: mi.Ray3f, hit: RealHit, distance: mi.Float, active: mi.Bool, kept: mi.Bool | bool = False
     ) -> tuple[mi.Color3f, mi.Float, mi.Bool]:
-        """The weighed ``M(q)`` and the density of the light samples of all photographs, eq. (13)."""
+        """The weighted ``M(q)`` and the density of the light samples of all photographs, eq. (13)."""
         if self._distant is not None:
             return self._distant.arriving(ray, hit, distance, active)
         radiance, density, unseen = self._sent(mi.Vector3f(hit.point), hit, ray.d, active)
@@ -111,51 +111,51 @@ class Photographs(Photographed):
         return radiance, pdf, hit.valid
 
     def sharp(self, hit: RealHit, ray: mi.Ray3f) -> mi.Color3f:
-        """As the base says."""
+        """See the base class."""
         sightings, weights = self._looked_at(hit, ray)
         point = self._point(hit)
         values = [p.sharp_of(s, point, hit.normal, hit.valid) for p, s in zip(self.each, sightings, strict=True)]
-        return _weighed(weights.shares, values)
+        return _weighted(weights.shares, values)
 
     def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
-        """As the base says."""
+        """See the base class."""
         _, weights = self._looked_at(hit, ray)
         return [dr.select(weights.seen, share, 0.0) for share in weights.shares]
 
     def surface_radiance(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
-        """As the base says."""
+        """See the base class."""
         sightings, weights = self._of_surface(hit, direction, active)
-        radiance = _weighed(
+        radiance = _weighted(
             weights.shares, [p.picture_at(s.direction) for p, s in zip(self.each, sightings, strict=True)]
         )
         return self._with_unseen(radiance, hit, active & weights.unseen)
 
     def mirrored(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
-        """As the base says."""
+        """See the base class."""
         sightings, weights = self._of_surface(hit, direction, active)
         values = [p.mirrored_at(s.direction, active) for p, s in zip(self.each, sightings, strict=True)]
-        return _weighed(weights.shares, values)
+        return _weighted(weights.shares, values)
 
     def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
-        """As the base says."""
+        """See the base class."""
         sightings, finite = self._sightings(point, normal, mi.Bool(True), normal, mi.Bool(True)), mi.Bool(True)
         weights = weigh(sightings, normal, finite)
         values = [p.picture_at(s.direction) for p, s in zip(self.each, sightings, strict=True)]
-        return weights.seen, weights.unseen, _weighed(weights.shares, values)
+        return weights.seen, weights.unseen, _weighted(weights.shares, values)
 
     def shares_at(self, point: mi.Vector3f, normal: mi.Vector3f) -> list[NDArray[np.float32]]:
-        """As the base says."""
+        """See the base class."""
         finite = mi.Bool(True)
         weights = weigh(self._sightings(point, normal, finite, normal, finite), normal, finite)
         return [share.numpy() for share in weights.shares]
 
     def surface_shares(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> list[NDArray[np.float32]]:
-        """As the base says."""
+        """See the base class."""
         _, weights = self._of_surface(hit, direction, active)
         return [share.numpy() for share in weights.shares]
 
     def faced(self, points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.bool_]:
-        """As the base says."""
+        """See the base class."""
         point, normal = (as_vectors(each) for each in (points, normals))
         result = np.zeros(len(points), bool)
         for photograph in self.each:
@@ -208,7 +208,7 @@ class Photographs(Photographed):
         point = mi.Vector3f(self.surfaces.rest_point(hit, active))
         sightings = self._sightings(point, hit.normal, mi.Bool(True), hit.normal, active)
         weights = weigh(sightings, hit.normal, mi.Bool(True))
-        return _weighed(
+        return _weighted(
             weights.shares, [p.map.radiance(s.direction) for p, s in zip(self.each, sightings, strict=True)]
         )
 
@@ -238,7 +238,7 @@ class Photographs(Photographed):
             point: world, metres.
             hit: the real surfaces there; sky where it is not valid.
             direction: toward the points, unit, world: from the side that is wanted.
-            active: where it is wanted.
+            active: lanes to evaluate.
 
         Returns:
             Radiance; density per square metre, for sky per steradian; and whether certainly no photograph sees it.
@@ -278,7 +278,7 @@ class Photographs(Photographed):
             radiance,
             hit.valid,
             self.surfaces.leaves_with_objects(hit),
-            mi.Bool(False),
+            mi.UInt32(0),
         )
         dr.eval(vars(sample))  # At once: one by one would trace all rays again.
         return sample
@@ -297,5 +297,5 @@ class Photographs(Photographed):
         return image
 
 
-def _weighed(shares: Sequence[mi.Float], values: Sequence[mi.Color3f]) -> mi.Color3f:
+def _weighted(shares: Sequence[mi.Float], values: Sequence[mi.Color3f]) -> mi.Color3f:
     return reduce(operator.add, (share * value for share, value in zip(shares, values, strict=True)))

@@ -1,13 +1,15 @@
 """The real place before insertion: its surfaces, and its lights behind one interface.
 
-Equations: docs/theory.md, sections 1 and 2. Of its lights the photograph is the first; declared ones, which the photograph
-does not show, come beside it.
+Equations: docs/theory.md, sections 1 and 2. The photograph is the first of its lights; declared ones, which the photograph
+does not show, are further ones.
 """
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from copy import copy
+from functools import reduce
 
 import drjit as dr
 import mitsuba as mi
@@ -16,15 +18,15 @@ from numpy.typing import NDArray
 
 from lightdepth.kernel.tracing import meets
 from lightdepth.parameters.place import DEFAULT, PlaceParameters
+from lightdepth.place.declared_lights import declared_light
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.photograph import Photograph
 from lightdepth.place.photographed import Photographed
 from lightdepth.place.photographs import Photographs
 from lightdepth.place.real_light import RealLight
 from lightdepth.place.seen_plate import SeenPlate
-from lightdepth.place.sun import Sun
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
-from lightdepth.scene.model import Gloss, Panorama, SunLight
+from lightdepth.scene.model import Gloss, Light, Panorama
 
 
 class Place:
@@ -35,14 +37,14 @@ class Place:
         surfaces: the real surfaces to trace.
         infinite: take every depth as infinite: the directional method.
         alone: light sampling is the only technique, so that it must cover all of the map (no MIS compensation).
-        suns: those that the photograph does not show.
+        declared: the lights that the photograph lacks.
         gains: of each photograph, per channel, shape (k, 3); ``None`` is 1.
         parameters: how it is made of its photographs, and how often its lights are sampled.
 
     Attributes:
         photograph: what was photographed: one panorama, or several as one.
         lights: all lights, the photograph first.
-        suns: those of ``lights`` that are suns.
+        declared: those of ``lights`` that the photograph lacks.
         shares: of the light samples for irradiance, for each of ``lights``.
         path_shares: of the light paths, for each of ``lights``.
         glosses: the specular lobes of its surfaces, once what they mirror is known.
@@ -55,7 +57,7 @@ class Place:
         surfaces: TracedSurfaces,
         infinite: bool = False,
         alone: bool = False,
-        suns: Sequence[SunLight] = (),
+        declared: Sequence[Light] = (),
         gains: NDArray[np.float32] | None = None,
         parameters: PlaceParameters = DEFAULT,
     ) -> None:
@@ -63,26 +65,28 @@ class Place:
         self.surfaces = surfaces
         self.infinite = infinite
         self.photograph = _photographed(panoramas, surfaces, infinite, alone, gains, parameters)
-        self.suns = tuple(Sun(sun, surfaces, parameters) for sun in suns)
+        self.declared = tuple(declared_light(light, surfaces, parameters) for light in declared)
         self.glosses: tuple[Gloss, ...] = ()
         self.plate: SeenPlate | None = None
-        share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.suns), 1))
-        self.shares = (1.0 - share * len(self.suns), *(share for _ in self.suns))
+        share = min(parameters.sun_light_share, parameters.most_suns_light_share / max(len(self.declared), 1))
+        self.shares = (1.0 - share * len(self.declared), *(share for _ in self.declared))
         # Light that hardly stands out is left to camera paths, in the light of suns too. As in the power heuristic the
-        # stronger one gets more than its share: few paths that carry much light are specks.
+        # stronger one gets more than its share: few paths that carry much light are fireflies.
         map_worth, suns_worth = self.standing_out**2, (1.0 - self.standing_out) ** 2
-        path_share = max(suns_worth / (map_worth + suns_worth), parameters.least_path_share) / max(len(self.suns), 1)
-        self.path_shares = (1.0 - path_share * len(self.suns), *(path_share for _ in self.suns))
+        path_share = max(suns_worth / (map_worth + suns_worth), parameters.least_path_share) / max(
+            len(self.declared), 1
+        )
+        self.path_shares = (1.0 - path_share * len(self.declared), *(path_share for _ in self.declared))
 
     @property
     def standing_out(self) -> float:
-        """Share of the photograph's light that stands out of it: see :attr:`Photographed.standing_out`."""
+        """Share of the photograph's light above its mean: see :attr:`Photographed.standing_out`."""
         return self.photograph.standing_out
 
     @property
     def lights(self) -> tuple[RealLight, ...]:
         """All lights, the photograph first."""
-        return (self.photograph, *self.suns)
+        return (self.photograph, *self.declared)
 
     @property
     def capture(self) -> NDArray[np.float64]:
@@ -94,7 +98,7 @@ class Place:
         place = copy(self)
         place.surfaces = surfaces
         place.photograph = self.photograph.with_surfaces(surfaces)
-        place.suns = tuple(sun.with_surfaces(surfaces) for sun in self.suns)
+        place.declared = tuple(light.with_surfaces(surfaces) for light in self.declared)
         return place
 
     def with_mirrored(self, images: Sequence[NDArray[np.float32]], glosses: tuple[Gloss, ...]) -> Place:
@@ -134,17 +138,18 @@ class Place:
         Args:
             lights: those of the photograph.
             u: uniform random numbers in [0, 1) that pick light and sample; evenly spaced ones are stratified over both.
-            v: further ones, for suns.
+            v: further ones, for declared lights.
             shares: of each of ``lights`` of the place; they sum to one.
         """
-        if not self.suns:
+        if not self.declared:
             return lights.sample(u, mi.Bool(True))
         begin = shares[0]
         light = lights.sample(u / max(begin, 1e-9), u < begin)
         light.density *= begin
-        for sun, share in zip(self.suns, shares[1:], strict=True):
-            sample = sun.sample(dr.clip((u - begin) / share, 0.0, 1.0), v)
+        for index, (declared, share) in enumerate(zip(self.declared, shares[1:], strict=True), 1):
+            sample = declared.sample(dr.clip((u - begin) / share, 0.0, 1.0), v)
             sample.density *= share
+            sample.light = mi.UInt32(index)
             light = dr.select(u < begin, light, sample)
             begin += share
         return light
@@ -175,16 +180,16 @@ class Place:
         return ~light.finite | (dr.dot(light.normal, direction) > 0.0)
 
     def transmittance(self, light: LightSample, point: mi.Point3f) -> mi.Color3f | float:
-        """Share of light samples that the masks of suns let through to points."""
-        if not any(sun.has_mask for sun in self.suns):
+        """Share of light samples that the masks of declared lights let through to points."""
+        if not any(declared.has_mask for declared in self.declared):
             return 1.0
         result = mi.Color3f(1.0)
-        for sun in self.suns:
-            result = dr.select(light.is_sun & sun.contains(light.position), sun.transmittance(point), result)
+        for index, declared in enumerate(self.declared, 1):
+            result = dr.select(light.light == index, declared.transmittance(point), result)
         return result
 
     def unblocked(self, light: LightSample, ray: mi.Ray3f, active: mi.Bool, kept: bool = False) -> mi.Bool:
-        """Which shadow rays meet no real surface; those toward a sun pass openings.
+        """Which shadow rays meet no real surface; those toward lights that pass openings pass them as well.
 
         Args:
             light: the samples that the rays run to.
@@ -194,13 +199,15 @@ class Place:
         """
         if not self.surfaces.has_real:
             return active
-        tested = active & ~light.is_sun if self.suns else active
+        passing = [index for index, declared in enumerate(self.declared, 1) if declared.passes_openings]
+        through = reduce(operator.or_, (light.light == index for index in passing), mi.Bool(False))
+        tested = active & ~through
         if self.infinite:
             tested = tested & light.finite  # The map's light is taken to come past all surfaces.
         free = active & ~meets(self.surfaces.kept if kept else self.surfaces.real, ray, tested)
-        if self.suns:
-            toward_sun = active & light.is_sun
-            free &= ~meets(self.surfaces.kept_blockers if kept else self.surfaces.blockers, ray, toward_sun)
+        if passing:
+            blockers = self.surfaces.kept_blockers if kept else self.surfaces.blockers
+            free &= ~meets(blockers, ray, active & through)
         return free
 
     # -- What is seen -------------------------------------------------------------------------------------------
@@ -220,7 +227,7 @@ def _photographed(
     gains: NDArray[np.float32] | None,
     parameters: PlaceParameters,
 ) -> Photographed:
-    """A single panorama by itself needs no weighing."""
+    """A single panorama needs no weighting."""
     several = [panoramas] if isinstance(panoramas, Panorama) else list(panoramas)
     if len(several) == 1 and several[0].mask is None:
         return Photograph(several[0], surfaces, infinite, alone, parameters=parameters)

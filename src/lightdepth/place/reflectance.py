@@ -22,8 +22,8 @@ def recovered_reflectance(
         place: what was photographed.
         surfaces: the same surfaces with their irradiance.
         hit: the points.
-        direction: in which they are looked at, unit, world.
-        active: where it is wanted.
+        direction: of view toward them, unit, world.
+        active: lanes to evaluate.
     """
     radiance = place.photograph.surface_radiance(hit, direction, active)
     mirrored = place.photograph.mirrored(hit, direction, active)

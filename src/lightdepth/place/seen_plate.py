@@ -99,8 +99,8 @@ class SeenPlate:
             photographed: what the panoramas show there.
             mirrored: what of it the points mirror.
             hit: the points.
-            direction: in which they are looked at, unit, world.
-            active: where it is wanted.
+            direction: of view toward them, unit, world.
+            active: lanes to evaluate.
 
         Returns:
             Radiance, and what of it is mirrored, toward whichever camera showed it.

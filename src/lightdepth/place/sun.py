@@ -20,21 +20,23 @@ from lightdepth.kernel.tracing import first_hit, meets
 from lightdepth.kernel.variables import as_point, as_vectors
 from lightdepth.parameters.place import DEFAULT, PlaceParameters
 from lightdepth.place.light_list import LightSample
-from lightdepth.place.real_light import RealLight
+from lightdepth.place.real_light import DeclaredLight
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.traced_surfaces import RealHit, TracedSurfaces
 from lightdepth.scene.lights.frame import sun_axes
 from lightdepth.scene.model import SunLight
 
 
-class Sun(RealLight):
+class Sun(DeclaredLight):
     """A sun that shines into the place.
 
     Args:
         settings: its direction, size and strength.
-        surfaces: the real surfaces; those that are no openings block it.
+        surfaces: the real surfaces; those that are not openings block it.
         parameters: how finely its shadow map steers sampling.
     """
+
+    passes_openings = True
 
     def __init__(self, settings: SunLight, surfaces: TracedSurfaces, parameters: PlaceParameters = DEFAULT) -> None:
         self.surfaces = surfaces
@@ -68,7 +70,7 @@ class Sun(RealLight):
             mi.Color3f(self._radiance),
             mi.Bool(False),
             mi.Bool(False),
-            mi.Bool(True),
+            mi.UInt32(0),
         )
 
     def arriving(
@@ -92,16 +94,12 @@ class Sun(RealLight):
         """Whether a mask attenuates it."""
         return self._mask is not None
 
-    def contains(self, direction: mi.Vector3f) -> mi.Bool:
-        """Whether unit directions, world, lead to this sun, with a little room for rounding."""
-        return 1.0 - dr.dot(direction, mi.Vector3f(self._axes[2])) <= 1.01 * self._versine + 1e-6
-
     def blocked(self, ray: mi.Ray3f, active: mi.Bool, kept: bool = False) -> mi.Bool:
-        """Whether real surfaces that are no openings stand in the way of rays that run toward the sun.
+        """Whether real surfaces that are not openings stand in the way of rays that run toward the sun.
 
         Args:
             ray: from a surface, unit directions, world.
-            active: which are wanted.
+            active: lanes to evaluate.
             kept: only those count that are not removed.
         """
         if not self.surfaces.has_real:

@@ -70,7 +70,7 @@ class TracedSurfaces:
         kinds: that occur among the real faces.
         changes: whether what any real surface shows may change: support that is not relit, or environment with gloss.
         materials: of the synthetic shapes.
-        blockers: the real surfaces that are no openings.
+        blockers: the real surfaces that are not openings.
         kept_blockers: these without what is removed.
         kept: the real surfaces that are not removed.
         synthetic: the synthetic surfaces.

@@ -1,7 +1,7 @@
 """Unseen sky: a wall occludes it from the capture point, and other points see it through a window.
 
-The photograph shows the wall in that direction, which is no sky at all. What it does show of the sky near that direction,
-and above all at the same elevation, is the better guess.
+The photograph shows the wall in that direction. The sky that it shows near that direction, and above all at the same
+elevation, is the better guess.
 """
 
 from __future__ import annotations

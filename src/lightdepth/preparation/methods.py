@@ -92,7 +92,7 @@ def _difference(scene: Scene, store: Store | None = None, infinite: bool = False
 
 
 def _check_nothing_is_removed(scene: Scene, method: str) -> None:
-    """Refuse what needs to know where things are, and which of two places a path is in."""
+    """Refuse removed surfaces, for methods that know one place only, or no positions."""
     removed = next((surface.name for surface in scene.real if surface.removed), None)
     if removed is not None:
         raise InputError(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from lightdepth.cancellation import raise_if_cancelled
 from lightdepth.errors import InputError, warn
-from lightdepth.lighting.sun_mask import masked_suns
+from lightdepth.lighting.sun_mask import with_masks
 from lightdepth.lightmap.depth_meshes import meshes_from_depth
 from lightdepth.parameters.recovery import RecoveryParameters
 from lightdepth.place.place import Place
@@ -103,11 +103,11 @@ def prepare_place(
     balance = solve_gains(scene.panoramas, traced, scene.render.parameters.balance, scene.render.parameters.place)
     if balance.problem is not None:
         raise InputError(f"{scene.path or 'scene'}: {balance.problem}")
-    suns = masked_suns(scene)
+    lights = with_masks(scene)
 
     def place_with(surfaces: TracedSurfaces) -> Place:
         tuned = scene.render.parameters.place
-        return Place(scene.panoramas, surfaces, infinite, suns=suns, gains=balance.gains, parameters=tuned)
+        return Place(scene.panoramas, surfaces, infinite, declared=lights, gains=balance.gains, parameters=tuned)
 
     empty = place_with(traced)
     arrays = None if store is None else store.read(key)
@@ -177,7 +177,8 @@ def modelled_surfaces(scene: Scene) -> Sequence[RealSurface]:
     """The modelled surfaces; where there are none, those made from the panoramas' depth, all of them support."""
     if scene.real:
         return scene.real
-    return tuple(RealSurface("depth", mesh, Role.SUPPORT) for mesh in meshes_from_depth(scene.panoramas))
+    tuned = scene.render.parameters.place
+    return tuple(RealSurface("depth", mesh, Role.SUPPORT) for mesh in meshes_from_depth(scene.panoramas, tuned))
 
 
 # -- On disk ----------------------------------------------------------------------------------------------------------

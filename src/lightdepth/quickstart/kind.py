@@ -10,8 +10,6 @@ from lightdepth.directions import FloatArray, direction_to_latlong, pixel_direct
 from lightdepth.images.tonemapping import LUMINANCE
 from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
 
-HEIGHT = 256
-
 
 def open_sky_evidence(
     radiance: NDArray[np.float32], rotation: FloatArray, tuned: QuickstartParameters = DEFAULT
@@ -23,9 +21,9 @@ def open_sky_evidence(
         rotation: light space to a level world, shape (3, 3).
         tuned: what counts as blue.
     """
-    small, weight = _levelled(radiance, rotation)
+    small, weight = _levelled(radiance, rotation, tuned.sky_rows)
     blue = np.log(np.maximum(small[..., 2], 1e-6) / np.maximum(small[..., 0], 1e-6)) > tuned.blue
-    above = weight * (np.arange(HEIGHT) < HEIGHT // 2)[:, None]
+    above = weight * (np.arange(tuned.sky_rows) < tuned.sky_rows // 2)[:, None]
     return float((above * blue).sum() / above.sum())
 
 
@@ -44,22 +42,25 @@ def is_open(
         return True
     if has_walls:
         return False
-    small, weight = _levelled(radiance, rotation)
+    small, weight = _levelled(radiance, rotation, tuned.sky_rows)
     luminance = np.log(np.maximum(small @ LUMINANCE, 1e-6))
-    mean, square = cv2.blur(luminance, (9, 9)), cv2.blur(luminance**2, (9, 9))
+    rows, window = tuned.sky_rows, (tuned.smooth_window, tuned.smooth_window)
+    mean, square = cv2.blur(luminance, window), cv2.blur(luminance**2, window)
     spread = np.sqrt(np.maximum(square - mean**2, 0.0))
-    zenith, ground = slice(0, HEIGHT // 4), slice(9 * HEIGHT // 16, HEIGHT)
+    zenith, ground = slice(0, rows // 4), slice(9 * rows // 16, rows)
     smooth = float(np.average(spread[zenith] < tuned.smooth, weights=weight[zenith]))
     brighter = np.average(luminance[zenith], weights=weight[zenith]) - np.average(
         luminance[ground], weights=weight[ground]
     )
-    return bool(smooth > 0.8 and brighter > np.log(tuned.grey_sky))
+    return bool(smooth > tuned.smooth_share and brighter > np.log(tuned.grey_sky))
 
 
-def _levelled(radiance: NDArray[np.float32], rotation: FloatArray) -> tuple[NDArray[np.float32], FloatArray]:
+def _levelled(
+    radiance: NDArray[np.float32], rotation: FloatArray, height: int
+) -> tuple[NDArray[np.float32], FloatArray]:
     """The panorama turned level, small, and the solid angles of its pixels."""
-    small = np.maximum(cv2.resize(radiance, (2 * HEIGHT, HEIGHT), interpolation=cv2.INTER_AREA), 0.0)
-    u, v = direction_to_latlong(pixel_directions(HEIGHT, 2 * HEIGHT) @ rotation)
-    rows = (v * HEIGHT).astype(int).clip(0, HEIGHT - 1)
-    columns = (u * 2 * HEIGHT).astype(int) % (2 * HEIGHT)
-    return small[rows, columns], np.repeat(pixel_solid_angles(HEIGHT, 2 * HEIGHT)[:, None], 2 * HEIGHT, axis=1)
+    small = np.maximum(cv2.resize(radiance, (2 * height, height), interpolation=cv2.INTER_AREA), 0.0)
+    u, v = direction_to_latlong(pixel_directions(height, 2 * height) @ rotation)
+    rows = (v * height).astype(int).clip(0, height - 1)
+    columns = (u * 2 * height).astype(int) % (2 * height)
+    return small[rows, columns], np.repeat(pixel_solid_angles(height, 2 * height)[:, None], 2 * height, axis=1)

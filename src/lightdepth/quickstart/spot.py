@@ -14,8 +14,6 @@ from lightdepth.parameters.quickstart import DEFAULT, QuickstartParameters
 from lightdepth.quickstart.place import GuessedPlace
 from lightdepth.quickstart.pose import GuessedPose
 
-HEIGHT = 512
-
 
 @dataclass(frozen=True)
 class FloorSpot:
@@ -25,16 +23,13 @@ class FloorSpot:
         point: world, metres, shape (3,).
         away: unit, level, from the capture point toward it, shape (3,).
         unlike: how much what is seen there, and on the way there, differs from the floor beside the camera; 0 is the same.
+        is_free: whether the floor seems to be seen there, and no furniture.
     """
 
     point: FloatArray
     away: FloatArray
     unlike: float
-
-    @property
-    def is_free(self) -> bool:
-        """Whether the floor seems to be seen there, and no furniture."""
-        return self.unlike < 0.9
+    is_free: bool
 
 
 def find_floor_spot(
@@ -57,19 +52,20 @@ def find_floor_spot(
         distance: from the point under the camera, metres, that is best for looking at them.
         tuned: what is looked at, and what counts.
     """
-    colours = _colours(radiance)
+    height = tuned.floor_rows
+    colours = _colours(radiance, height)
     position = np.array([0.0, 0.0, pose.height])
 
     def seen(points: FloatArray) -> NDArray[np.float32]:
         u, v = direction_to_latlong((points - position) @ pose.rotation)
-        return colours[(v * HEIGHT).astype(int).clip(0, HEIGHT - 1), (u * 2 * HEIGHT).astype(int) % (2 * HEIGHT)]
+        return colours[(v * height).astype(int).clip(0, height - 1), (u * 2 * height).astype(int) % (2 * height)]
 
     turn = 2.0 * np.pi * np.arange(tuned.around) / tuned.around
     circle = np.stack([np.sin(turn), np.cos(turn), np.zeros(tuned.around)], axis=-1)
     forward = pose.rotation @ [0.0, 1.0, 0.0]
     best: tuple[float, FloorSpot] | None = None
-    for far in distance * np.geomspace(0.3, 1.6, 11):
-        for angle in np.radians(np.arange(0.0, 360.0, 7.5)):
+    for far in distance * np.geomspace(tuned.closest, tuned.farthest, tuned.distances):
+        for angle in np.radians(np.arange(0.0, 360.0, tuned.turn)):
             away = np.array([np.sin(angle), np.cos(angle), 0.0])
             point = far * away
             needed = reach * np.abs(away[[1, 0]]) + depth * np.abs(away[:2]) + tuned.margin
@@ -85,22 +81,22 @@ def find_floor_spot(
             patch = seen(point + (max(reach, 0.25) * np.array([0.4, 0.8, 1.2]))[:, None, None] * circle)
             floor = np.median(near, axis=0)
             differs = [np.abs(part.reshape(-1, 3) - floor).sum(axis=-1) for part in (patch, way)]
-            unlike = float(sum(np.mean(np.minimum(part, 1.5)) for part in differs))
+            unlike = float(sum(np.mean(np.minimum(part, tuned.most_unlike)) for part in differs))
             cost = unlike - tuned.forward * float(away @ forward) + tuned.far * abs(np.log2(far / distance))
             if best is None or cost < best[0]:
-                best = cost, FloorSpot(point, away, unlike)
+                best = cost, FloorSpot(point, away, unlike, unlike < tuned.free)
     if best is not None:
         return best[1]
     # In a cramped place: half way to the wall that is farthest.
     walls = [np.array([0.0, place.high[1]]), np.array([place.high[0], 0.0])]
     walls += [np.array([0.0, place.low[1]]), np.array([place.low[0], 0.0])]
     point = np.array([*max(walls, key=lambda wall: float(np.linalg.norm(wall))) * 0.6, 0.0])
-    return FloorSpot(point, point / np.linalg.norm(point), 2.0)
+    return FloorSpot(point, point / np.linalg.norm(point), 2.0, False)
 
 
-def _colours(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+def _colours(radiance: NDArray[np.float32], height: int) -> NDArray[np.float32]:
     """Half the logarithm of luminance (sun and shade lie on the same floor) and of two ratios of colours."""
-    small = np.maximum(cv2.resize(radiance, (2 * HEIGHT, HEIGHT), interpolation=cv2.INTER_AREA), 0.0)
+    small = np.maximum(cv2.resize(radiance, (2 * height, height), interpolation=cv2.INTER_AREA), 0.0)
     middle = float(np.median(small @ LUMINANCE)) or 1.0
     logarithm = np.log(np.maximum(small, 1e-4 * middle) / middle)
     brightness = 0.5 * np.log(np.maximum(small @ LUMINANCE, 1e-4 * middle) / middle)

@@ -44,7 +44,7 @@ def estimate_on_mesh(
         return estimate_irradiance(place, points, normals, generator, samples, parameters)
 
     mesh = _subdivide_to_length(RefinedMesh.unrefined(support.rest, support.vertices, support.faces), parameters)
-    irradiance, noise = estimate(mesh.inside(), mesh.vertex_normals())
+    irradiance, noise = estimate(mesh.inside(parameters.inward), mesh.vertex_normals())
     error = np.full(len(mesh.faces), np.inf)
     most = min(parameters.most_vertices, parameters.vertices_a_sample * samples)
     for _ in range(parameters.levels):
@@ -55,7 +55,7 @@ def estimate_on_mesh(
         if not candidate.any() or (whole_levels and np.count_nonzero(candidate) > most - len(mesh.points)):
             break
         normals = mesh.vertex_normals()[edges.ends[:, 0]]
-        middles = mesh.middles(edges)
+        middles = mesh.middles(edges, parameters.inward)
         marked = close_marks(edges, lengths, candidate)
         at_middle = np.zeros((len(edges.ends), 3), np.float32)
         at_middle[candidate], standard_error = estimate(middles[candidate], normals[candidate])
@@ -81,7 +81,9 @@ def estimate_again(
     parameters: RecoveryParameters = DEFAULT,
 ) -> NDArray[np.float32]:
     """The same at the vertices of a mesh that is fine enough, shape (n, 3)."""
-    irradiance, noise = estimate_irradiance(place, mesh.inside(), mesh.vertex_normals(), generator, samples, parameters)
+    irradiance, noise = estimate_irradiance(
+        place, mesh.inside(parameters.inward), mesh.vertex_normals(), generator, samples, parameters
+    )
     return _smooth(_fill_dark(irradiance, mesh.faces, parameters.dark), mesh.faces, noise)
 
 
@@ -119,7 +121,10 @@ def _deviation(
     """
     expected = irradiance[ends].mean(axis=1)
     scale = np.maximum(found.mean(axis=1), dark * np.median(irradiance))
-    return np.asarray(np.abs(found - expected).max(axis=1) / scale, np.float64)
+    difference = np.abs(found - expected).max(axis=1)
+    # Where all is black, there is nothing to refine; what is lit beside it is above any bound.
+    beyond = np.where(difference > 0.0, np.inf, 0.0).astype(difference.dtype)
+    return np.divide(difference, scale, out=beyond, where=scale > 0.0).astype(np.float64)
 
 
 def _subdivide_to_length(mesh: RefinedMesh, parameters: RecoveryParameters) -> RefinedMesh:

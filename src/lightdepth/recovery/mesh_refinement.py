@@ -9,10 +9,6 @@ from numpy.typing import NDArray
 
 from lightdepth.scene.meshes.geometry import face_normals
 
-INWARD = 0.01
-"""Share of the way to the middle of the faces around that points are moved where light is estimated: exactly in the plane
-of a wall, half of it would be missed."""
-
 
 @dataclass(frozen=True)
 class Edges:
@@ -129,7 +125,7 @@ class RefinedMesh:
         ends = edges.ends
         return np.asarray(np.linalg.norm(self.points[ends[:, 0]] - self.points[ends[:, 1]], axis=1), np.float64)
 
-    def middles(self, edges: Edges) -> NDArray[np.float32]:
+    def middles(self, edges: Edges, inward: float) -> NDArray[np.float32]:
         """Of the edges, world, metres, shape (e, 3); where light is estimated, and so moved as :meth:`inside` has it."""
         middle = self.points[edges.ends].mean(axis=1, dtype=np.float64)
         total, count = np.zeros(middle.shape), np.zeros(len(middle))
@@ -137,7 +133,7 @@ class RefinedMesh:
         for side in range(3):
             np.add.at(total, edges.of_face[:, side], centre)
             np.add.at(count, edges.of_face[:, side], 1.0)
-        return np.asarray(middle + INWARD * (total / np.maximum(count, 1.0)[:, None] - middle), np.float32)
+        return np.asarray(middle + inward * (total / np.maximum(count, 1.0)[:, None] - middle), np.float32)
 
     def vertex_normals(self) -> NDArray[np.float32]:
         """Normal at each vertex, that of any of its faces, which must agree; 0 at vertices without faces."""
@@ -146,15 +142,19 @@ class RefinedMesh:
             normals[self.faces[:, corner]] = face_normals(self.points, self.faces)
         return normals
 
-    def inside(self) -> NDArray[np.float32]:
-        """Vertices moved a little into their faces, so that none lies exactly in the plane of a neighbouring wall."""
+    def inside(self, inward: float) -> NDArray[np.float32]:
+        """Vertices moved a little into their faces, so that none lies exactly in the plane of a neighbouring wall.
+
+        Args:
+            inward: share of the way to the middle of the faces around.
+        """
         total, count = np.zeros(self.points.shape), np.zeros(len(self.points))
         centre = self.points[self.faces].mean(axis=1)
         for corner in range(3):
             np.add.at(total, self.faces[:, corner], centre)
             np.add.at(count, self.faces[:, corner], 1.0)
         toward = np.where(count[:, None] > 0, total / np.maximum(count, 1)[:, None] - self.points, 0.0)
-        return (self.points + INWARD * toward).astype(np.float32)
+        return (self.points + inward * toward).astype(np.float32)
 
     def halved(self, edges: Edges, lengths: NDArray[np.float64], marked: NDArray[np.bool_]) -> RefinedMesh:
         """The mesh whose faces are split at the middles of marked edges, which become vertices in the order of the edges.

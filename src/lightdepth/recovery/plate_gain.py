@@ -133,7 +133,7 @@ def _panoramas(view: Viewpoint, place: Place, size: int, tuned: BalanceParameter
         seen += float(shared.numpy().mean())
         here = hit.normal.numpy().T
         normal = here if normal is None else normal
-        comparable &= good.numpy() & (np.einsum("ij,ij->i", here, normal) > 1.0 - 1e-3)
+        comparable &= good.numpy() & (np.einsum("ij,ij->i", here, normal) > tuned.plate_flat)
     known = _Seen(comparable.reshape(rows, columns), modelled / points**2, seen / points**2)
     return (total / points**2).reshape(rows, columns, 3), known
 

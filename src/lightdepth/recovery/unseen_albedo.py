@@ -77,7 +77,7 @@ def recover_unseen(
         place, part, generator, few, parameters.unseen_tolerance, parameters, whole_levels=True
     )
     samples = min(
-        samples // 8 * 2,
+        samples // (2 * parameters.unseen_fewer) * 2,
         parameters.unseen_samples,
         max(parameters.unseen_fewest_samples, parameters.unseen_vertex_samples // len(mesh.points) // 2 * 2),
     )

@@ -13,13 +13,10 @@ from lightdepth.cameras import Camera, Equirectangular
 from lightdepth.directions import euler_rotation, look_at_rotation
 from lightdepth.errors import InputError
 from lightdepth.images.panorama_file import read_panorama
-from lightdepth.images.radiance import read_radiance
 from lightdepth.images.validation import find_defects, validate_panorama
 from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.depth import read_depth
 from lightdepth.scene.instances import check_precision, read_instances
-from lightdepth.scene.lights import ClippedTable, SunTable
-from lightdepth.scene.lights.clipped import unclipped
 from lightdepth.scene.mask import read_mask
 from lightdepth.scene.materials import Principled, Texture
 from lightdepth.scene.meshes import AnimatedMesh, MeshPart, read_mesh_file
@@ -30,6 +27,7 @@ from lightdepth.scene.model import (
     AnalyticShape,
     CameraView,
     Gloss,
+    Light,
     Mesh,
     Panorama,
     Plate,
@@ -37,7 +35,6 @@ from lightdepth.scene.model import (
     RenderSettings,
     Role,
     Scene,
-    SunLight,
     SyntheticObject,
     SyntheticPart,
 )
@@ -185,7 +182,7 @@ def _same_place(tables: Tables, earlier: Contents) -> bool:
 
 def _read_place(
     tables: Tables, repair: bool, problems: Problems, earlier: Contents | None
-) -> tuple[list[Panorama], list[RealSurface], list[SunLight]]:
+) -> tuple[list[Panorama], list[RealSurface], list[Light]]:
     """What was photographed: panoramas, real surfaces and suns, as far as they can be read."""
     real: list[RealSurface] = []
     if (
@@ -203,14 +200,12 @@ def _read_place(
     for number, (pose, picture) in enumerate(zip(tables.poses, tables.pictures, strict=True)):
         panoramas.append(_panorama(number, pose or CapturePose(), picture, repair, problems))
     panorama = replace(panoramas[0], sky=any(each.sky for each in panoramas))
-    lights: list[SunLight] = []
+    lights: list[Light] = []
     for number, light in enumerate(tables.lights):
         with problems.noting(("light", number)):
-            if isinstance(light, ClippedTable) and panorama.radiance.size:
-                light_map = unclipped(panorama.light_radiance, light.source())
-                panorama = replace(panorama, unclipped=light_map)
-            elif isinstance(light, SunTable):
-                lights.append(_sun(light))
+            if light is not None:
+                panorama, found = light.corrected(panorama), light.light()
+                lights += [] if found is None else [found]
     # A photograph of which nothing can be seen would be seen through.
     further = [each for each in panoramas[1:] if each.radiance.size]
     return [panorama, *further], real, lights
@@ -289,18 +284,6 @@ def _real_surface(table: RealTable) -> RealSurface:
         opening=table.opening,
         removed=table.removed,
     )
-
-
-def _sun(table: SunTable) -> SunLight:
-    mask = None
-    if isinstance(table.mask, Path):
-        mask = read_radiance(table.mask)
-        if mask.max() > 1.0:
-            raise InputError(
-                f"{table.mask}: a mask holds shares of light from 0 to 1, but this one has {mask.max():.3g}"
-            )
-    irradiance, recover = np.array(table.irradiance), table.mask == "recover"
-    return SunLight(table.name, table.toward(), table.diameter, irradiance, mask, table.mask_extent, recover)
 
 
 def _rest_positions(path: Path, mesh: Mesh, mesh_path: Path) -> NDArray[np.floating]:

@@ -96,11 +96,21 @@ class RealSurface:
 
 
 @dataclass(frozen=True)
-class SunLight:
-    """A sun that shines into the place and that the photograph does not show.
+class Light:
+    """A light of the real place that the photograph lacks; each kind adds what it is.
 
     Attributes:
         name: for messages.
+    """
+
+    name: str
+
+
+@dataclass(frozen=True)
+class SunLight(Light):
+    """A sun that shines into the place and that the photograph does not show.
+
+    Attributes:
         direction: toward the sun, unit, world, shape (3,), float64.
         diameter: degrees.
         irradiance: on a surface that faces the sun, shape (3,), float64, in the panorama's unit times steradian.
@@ -112,7 +122,6 @@ class SunLight:
             prepared.
     """
 
-    name: str
     direction: NDArray[np.float64]
     diameter: float
     irradiance: NDArray[np.float64]
@@ -267,7 +276,7 @@ class Scene:
         cameras: by name.
         render: settings.
         path: the scene file, where it comes from one.
-        lights: suns that the photographs do not show.
+        lights: those that the photographs lack.
         further: photographs of the same place from elsewhere.
         plate: the picture of one of the cameras, in place of what the panoramas show it.
     """
@@ -278,7 +287,7 @@ class Scene:
     cameras: Mapping[str, CameraView] = field(default_factory=dict)
     render: RenderSettings = field(default_factory=RenderSettings)
     path: Path | None = None
-    lights: tuple[SunLight, ...] = ()
+    lights: tuple[Light, ...] = ()
     further: tuple[Panorama, ...] = ()
     plate: Plate | None = None
 

@@ -14,7 +14,7 @@ from lightdepth.cameras import Camera, CameraSettings
 from lightdepth.errors import InputError, warn
 from lightdepth.scene.animation import Animation, SequenceTable
 from lightdepth.scene.camera_file import with_cameras_of_files
-from lightdepth.scene.lights import ClippedTable, LightSettings, SunTable
+from lightdepth.scene.lights import LightSettings, LightTable
 from lightdepth.scene.moment import Moment
 from lightdepth.scene.problems import KeyPath, Problems
 from lightdepth.scene.schema import (
@@ -51,7 +51,7 @@ class Tables:
     poses: list[CapturePose | None]
     pictures: list[Picture | None]
     real: list[RealTable | None]
-    lights: list[SunTable | ClippedTable | None]
+    lights: list[LightTable | None]
     synthetic: list[MeshObject | SphereObject | UnitShapeObject | None]
     cameras: dict[str, Camera | None]
     render: RenderTable | None

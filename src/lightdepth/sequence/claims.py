@@ -80,7 +80,7 @@ def take(path: Path, expiry: float = EXPIRY) -> Claim | None:
         try:
             descriptor = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644)
         except FileExistsError:
-            if not _cleared(path):
+            if not clear(path):
                 return None
             continue
         except OSError as error:
@@ -116,8 +116,10 @@ def _contents(path: Path) -> dict[str, Any]:
     return contents if isinstance(contents, dict) else {}
 
 
-def _cleared(path: Path) -> bool:
+def clear(path: Path) -> bool:
     """Remove a claim whose holder is gone; whether the frame is free."""
+    if not path.exists():
+        return True
     contents = _contents(path)
     if not _is_abandoned(path, contents):
         return False

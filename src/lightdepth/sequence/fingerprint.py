@@ -19,7 +19,7 @@ from lightdepth.scene.model import CameraView, Scene
 from lightdepth.session.session import Job
 
 FINGERPRINT = "fingerprint"
-"""Among a frame's facts: what it was made from."""
+"""Key of a frame's metadata: digest of its inputs."""
 _ATTRIBUTE = f"lightdepth:{FINGERPRINT}"
 
 

@@ -20,7 +20,7 @@ from lightdepth.images.tonemapping import auto_exposure
 from lightdepth.kernel.start import Device
 from lightdepth.scene.frames import SceneFrames
 from lightdepth.scene.model import Scene
-from lightdepth.sequence.claims import EXPIRY, claim_beside, now, take
+from lightdepth.sequence.claims import EXPIRY, claim_beside, clear, now, take
 from lightdepth.sequence.fingerprint import FINGERPRINT, State, fingerprint, state_of
 from lightdepth.sequence.numbering import FrameFiles
 from lightdepth.sequence.shutter import Shutter, frame_job
@@ -155,6 +155,8 @@ class SequenceRendering:
             return [number for number in numbers if not self._is_there(number)]
         states = {number: self._state(number) for number in numbers}
         for number, state in states.items():
+            if state is State.CURRENT:
+                clear(claim_beside(self.file(number)))  # Of a process that was killed when the frame was there.
             self._report(FrameState(number, str(self.file(number)), state))
         return [number for number, state in states.items() if state is not State.CURRENT]
 

@@ -1,1 +1,1 @@
-"""Renderings as something to steer: started, paused, cancelled, changed; they report events and show their picture."""
+"""Sessions: renderings that can be started, paused, cancelled and changed; they report events and show their picture."""

@@ -1,4 +1,4 @@
-"""What shows a session's picture while it is made, and when it is finished."""
+"""Displays: what shows a session's picture, unfinished and finished."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ExrDisplay:
         self.layers = layers
 
     def show(self, frame: Frame, finished: bool) -> None:
-        """As for every display."""
+        """See :class:`Display`."""
         from lightdepth.film.layers import write_frame
 
         assert self.file is not None
@@ -65,7 +65,7 @@ class PngDisplay:
 
     Args:
         file: where to write; its folder is made.
-        exposure: stops by which it is lighter than the panorama's own brightness asks for.
+        exposure: stops by which it is brighter than by the panorama's own exposure.
         look: instead of our own tone curve.
     """
 
@@ -75,7 +75,7 @@ class PngDisplay:
         self._exposure, self._look = exposure, look
 
     def show(self, frame: Frame, finished: bool) -> None:
-        """As for every display."""
+        """See :class:`Display`."""
         from lightdepth.film.layers import picture_exposure, write_picture
 
         assert self.file is not None
@@ -84,7 +84,7 @@ class PngDisplay:
 
 
 class MemoryDisplay:
-    """Keeps the last picture, for whoever shows it.
+    """Keeps the last picture in memory.
 
     Args:
         layers: layers that are wanted of the finished picture; none by default, ``None`` for all.
@@ -102,7 +102,7 @@ class MemoryDisplay:
         self.finished, self.shown = False, 0
 
     def show(self, frame: Frame, finished: bool) -> None:
-        """As for every display."""
+        """See :class:`Display`."""
         self.frame, self.finished = frame, finished
         self.shown += 1
 

@@ -1,6 +1,6 @@
 """What a session reports: typed events, which also travel as JSON, an object a line.
 
-Every event has the key ``event``, its kind. Readers ignore kinds and keys that they do not know; ``SCHEMA`` grows when
+Every event has the key ``event``, its kind. Readers ignore unknown kinds and keys; ``SCHEMA`` grows when
 the meaning of one changes or one goes away.
 """
 
@@ -62,10 +62,10 @@ class Stage(Event):
 
 @dataclass(frozen=True)
 class Preparing(Event):
-    """How far the preparation of a place that is not known yet is.
+    """Progress of the preparation of a place that is not in the cache.
 
     Attributes:
-        fraction: of the most that there may be to do; it may end early.
+        fraction: of the most work that there may be; it may end early.
     """
 
     kind: ClassVar[str] = "preparing"
@@ -74,7 +74,7 @@ class Preparing(Event):
 
 @dataclass(frozen=True)
 class Progress(Event):
-    """How far the rendering is; the attributes are those of :class:`lightdepth.film.rendering.Progress`."""
+    """Progress of the rendering; the attributes are those of :class:`lightdepth.film.rendering.Progress`."""
 
     kind: ClassVar[str] = "progress"
     fraction: float
@@ -139,7 +139,7 @@ class Done(Event):
 
 @dataclass(frozen=True)
 class SequenceProgress(Event):
-    """How far a sequence is; the other events in between are of the frame that is being rendered.
+    """Progress of a sequence; the other events in between are of the frame that is being rendered.
 
     Attributes:
         frame: the one that is being rendered here; ``None`` between two.
@@ -161,7 +161,7 @@ class SequenceProgress(Event):
 
 @dataclass(frozen=True)
 class FrameState(Event):
-    """What has become of a frame, or what is on disk of it.
+    """State of a frame: after rendering, or as it was found on disk.
 
     Attributes:
         frame: its number.
@@ -184,10 +184,10 @@ KINDS: dict[str, type[Event]] = {
 
 
 def from_json(line: str) -> Event | None:
-    """An event out of a line of JSON; ``None`` for a kind that this version does not know.
+    """An event from a line of JSON; ``None`` for a kind that this version does not know.
 
     Raises:
-        InputError: the line is no event.
+        InputError: the line is not an event.
     """
     try:
         values: Any = json.loads(line)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from lightdepth.film.rendering import Rendering
 
 CHECKPOINT_SECONDS = 30.0
-"""Work that a killed process loses at most."""
+"""Most work that a killed process loses."""
 LOGGER = logging.getLogger(__name__)
 
 
@@ -161,7 +161,7 @@ class Session:
             self._changed.notify_all()
 
     def cancel(self) -> None:
-        """Stop soon, also while preparing; a picture that was begun is shown as it is."""
+        """Stop soon, also during preparation; an unfinished picture is shown as it is."""
         with self._changed:
             self._cancelled = True
             self._changed.notify_all()
@@ -337,17 +337,19 @@ class Session:
     def _sampled(self, rendering: Rendering) -> bool:
         """Take the samples; whether all were taken."""
         self._report(Stage("rendering"))
-        shown = kept = time.monotonic()
+        began = shown = kept = now = time.monotonic()
         regions = [None] if self._job.region is None else [self._job.region, None]
         while regions:
             job = self._job
             for step in rendering.run(*rendering.target(job.samples, job.noise), regions[0]):
                 self._report(_progress(step))
-                now = time.monotonic()
+                lasted, now = time.monotonic() - now, time.monotonic()
                 if job.preview_seconds is not None and not self._cancelled and now - shown > job.preview_seconds:
                     self._show(rendering.frame(auxiliary=False), finished=False)
                     shown = time.monotonic()
-                if job.checkpoint is not None and now - kept > job.checkpoint_seconds and step.fraction < 1.0:
+                # What the next pass would take counts: a process that is killed in it loses that as well.
+                due = now + lasted - kept > job.checkpoint_seconds
+                if job.checkpoint is not None and due and step.fraction < 1.0:
                     kept = self._keep_checkpoint(rendering, job.checkpoint)
                 with self._changed:
                     self._changed.wait_for(lambda: self._cancelled or not self._paused)
@@ -363,6 +365,8 @@ class Session:
                 if self._job.checkpoint is not None and not self._discarded:
                     self._keep_checkpoint(rendering, self._job.checkpoint)
                 return False
+        if self._job.checkpoint is not None and now - began > self._job.checkpoint_seconds:
+            self._keep_checkpoint(rendering, self._job.checkpoint)  # To denoise and write may take long as well.
         return True
 
     def _keep_checkpoint(self, rendering: Rendering, path: Path) -> float:

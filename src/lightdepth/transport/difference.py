@@ -114,20 +114,20 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             self.light_sampling.light_tracer = self.light_tracer
 
     def new_cache(self) -> RadianceCache | None:
-        """As the base says."""
+        """See the base class."""
         return RadianceCache(self.bounds, self.parameters) if self.bounds is not None and self.has_support else None
 
     def begin(self, path: Path) -> DifferencePath:
-        """As the base says."""
+        """See the base class."""
         last = LastScattering(mi.Point3f(path.ray.o), mi.Float(0.0), mi.Float(1.0))
         return DifferencePath(**vars(path), difference=mi.Bool(False), last=last, smallest_pdf=mi.Float(dr.inf))
 
     def samples(self, path: DifferencePath) -> CameraSamples:
-        """As the base says."""
+        """See the base class."""
         return CameraSamples(path.radiance & ~path.covered, path.radiance & path.covered, mi.Bool(path.covered))
 
     def advance(self, path: DifferencePath, lights: LightList, cache: RadianceCache | None) -> DifferencePath:
-        """As the base says."""
+        """See the base class."""
         sampler, ray, last = path.sampler, mi.Ray3f(path.ray), copy(path.last)
         radiance, throughput = mi.Color3f(path.radiance), mi.Color3f(path.throughput)
         active, difference, first = mi.Bool(path.active), mi.Bool(path.difference), mi.Bool(path.first)
@@ -282,7 +282,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
             ray: camera rays, world.
             lights: light samples of the map.
             u: uniform random numbers that pick them.
-            active: where it is wanted.
+            active: lanes to evaluate.
         """
         found = first_hit(self.surfaces.seen, ray, active=active)
         on_real = active & self.surfaces.is_real(found)
@@ -336,7 +336,7 @@ class DifferenceIntegrator(Integrator[DifferencePath]):
         distance = dr.norm(hit.point - last.point)
         values = []
         arriving = self.place.arriving(ray, hit, distance, wanted, arrived)
-        counts = [last.weight_samples, *(mi.Float(1.0) for _ in self.place.suns)]
+        counts = self.light_sampling.counts(last.weight_samples)
         for index, ((radiance, pdf, finite), count) in enumerate(zip(arriving, counts, strict=True)):
             value = self._clamped(radiance * mis_weight(last.pdf, pdf * count), path.depth)
             if self.light_tracer is not None:

@@ -168,7 +168,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         self.total_luminance = dr.opaque(mi.Float, total)
 
     def begin(self, path: Path) -> EnvpathPath:
-        """As the base says."""
+        """See the base class."""
         return EnvpathPath(
             **vars(path),
             photograph=mi.Color3f(0.0),
@@ -178,7 +178,7 @@ class EnvpathIntegrator(Integrator[EnvpathPath]):
         )
 
     def samples(self, path: EnvpathPath) -> CameraSamples:
-        """As the base says."""
+        """See the base class."""
         # The film adds the plate; what the support point sends now less what it sent before is the change.
         change = dr.select(path.covered, 0.0, path.radiance - path.photograph)
         return CameraSamples(change, dr.select(path.covered, path.radiance, 0.0), mi.Bool(path.covered))

@@ -14,6 +14,7 @@ from lightdepth.kernel.tracing import first_interaction, meets
 from lightdepth.parameters.transport import TransportParameters
 from lightdepth.place.light_list import LightList, LightSample
 from lightdepth.place.place import Place
+from lightdepth.place.real_light import DeclaredLight
 from lightdepth.place.real_surfaces import FaceKind
 from lightdepth.place.support_scattering import SupportScattering
 from lightdepth.place.traced_surfaces import TracedSurfaces, leave, shadow_ray
@@ -47,7 +48,7 @@ class Vertex:
 
 
 class LightSampling:
-    """Samples light at vertices: of the map or of synthetic emitters, and of declared suns.
+    """Samples light at vertices: of the map or of synthetic emitters, and of declared lights.
 
     Args:
         place: the photographed place.
@@ -73,11 +74,19 @@ class LightSampling:
         self._has_emitters = has_emitters
         self._has_relit = not surfaces.kinds.isdisjoint((FaceKind.RELIT, FaceKind.REMOVED))
         self.map_share = 0.5 if has_emitters else 1.0
-        # What little stands out of the map beside declared suns is found by scattering, with less noise and less work.
-        self._map_worth = place.path_shares[0] if place.suns else 1.0
+        # What little stands out of the map beside declared lights is found by scattering, with less noise and less work.
+        self._map_worth = place.path_shares[0] if place.declared else 1.0
         self._candidates = max(round(parameters.candidates * self._map_worth), 1)
         of_map = self.map_share * (parameters.candidates * self._map_worth)
-        self.samples = (of_map, *(1.0 for _ in place.suns))
+        self.samples = (of_map, *(1.0 for _ in place.declared))
+
+    def counts(self, weight_samples: mi.Float) -> list[mi.Float]:
+        """How many light samples of each light of the place those at a vertex count as in MIS.
+
+        Args:
+            weight_samples: those of the map there.
+        """
+        return [weight_samples, *(mi.Float(count) for count in self.samples[1:])]
 
     def weight_samples(self, in_difference: mi.Bool) -> mi.Float:
         """How many light samples of the map the one at vertices counts as in MIS.
@@ -98,7 +107,7 @@ class LightSampling:
         weight_samples: mi.Float,
         pdf_ratio: mi.Float,
     ) -> mi.Color3f:
-        """Light sampling at a vertex: of the map or of synthetic emitters, and of suns.
+        """Light sampling at a vertex: of the map or of synthetic emitters, and of declared lights.
 
         Args:
             sampler: random numbers of the paths.
@@ -112,8 +121,8 @@ class LightSampling:
         """
         u = dr.select(first, sampler.stratified("light")[0], sampler.next_1d(active))
         u_select = dr.select(first, sampler.stratified("candidate")[0], sampler.next_1d(active))
-        # The suns' samples are added to the map's, so that they may share its random numbers: the most even ones.
-        at_sun = mi.Point2f(u, u_select)
+        # Declared lights' samples are added to the map's, so that they may share its random numbers: the most even ones.
+        at = mi.Point2f(u, u_select)
         from_map = mi.Bool(True)
         if self._has_emitters:
             from_map = u < self.map_share
@@ -154,13 +163,14 @@ class LightSampling:
         useful = active & (pdf > 0.0) & (dr.max(value) > 0.0)
         value *= self.visible(vertex, light, direction, distance, from_map, vertex.in_difference & from_map, useful)
         value = dr.select(useful, value, 0.0)
-        for index in range(len(self._place.suns)):
-            value += self._sunlight(index, at_sun, sampler, context, vertex, active, first, pdf_ratio)
+        for index, declared in enumerate(self._place.declared, 1):
+            value += self._declared(index, declared, at, sampler, context, vertex, active, first, pdf_ratio)
         return value
 
-    def _sunlight(
+    def _declared(
         self,
         index: int,
+        declared: DeclaredLight,
         at: mi.Point2f,
         sampler: Sampler,
         context: mi.BSDFContext,
@@ -169,14 +179,15 @@ class LightSampling:
         first: mi.Bool,
         pdf_ratio: mi.Float,
     ) -> mi.Color3f:
-        """One light sample of a declared sun, with a shadow ray of its own.
+        """One light sample of a declared light, with a shadow ray of its own.
 
         Whether a sun is visible is nearly the same for all of its samples. One ray for sun and map would be a draw between
         the two, as noisy as the sun's part and the map's are alike.
 
         Args:
-            index: which one.
-            at: uniform random numbers that pick a place on its disc.
+            index: of the light among those of the place.
+            declared: the light.
+            at: uniform random numbers that pick a place on it.
             sampler: further random numbers of the paths.
             context: for the BSDFs.
             vertex: where the paths are.
@@ -184,39 +195,38 @@ class LightSampling:
             first: which of them are at their first vertex.
             pdf_ratio: of the paths up to there.
         """
-        sun = self._place.suns[index]
-        light = sun.sample(at.x, at.y)
-        direction = light.position
-        chance = dr.select(sun.may_light(vertex.point), mi.Float(1.0), self._parameters.unlikely_sun)
+        light = declared.sample(at.x, at.y)
+        direction, distance, pdf = self._place.toward(light, vertex.point)
+        chance = dr.select(declared.may_light(vertex.point), mi.Float(1.0), self._parameters.unlikely_sun)
         tried = active & (sampler.next_1d(active) < chance)
         tried &= ~vertex.in_difference | vertex.support.may_meet_objects(direction)
         value, scattering_pdf = self.scattering(context, vertex, direction, tried)
-        weight = mis_weight(light.density, scattering_pdf) / (light.density * chance)
-        value *= light.radiance * sun.transmittance(vertex.point) * weight
+        weight = mis_weight(pdf, scattering_pdf) / dr.maximum(pdf * chance, 1e-20)
+        value *= light.radiance * declared.transmittance(vertex.point) * weight
         if self.light_tracer is not None:
             camera_weight = self.light_tracer.camera_weight(
                 pdf_ratio,
-                1 + index,
-                direction,
+                index,
+                light.position,
                 light.finite,
-                light.density,
-                mi.Float(dr.inf),
+                pdf,
+                distance,
                 vertex.point,
                 direction,
                 scattering_pdf,
             )
             value *= dr.select(vertex.on_synthetic & ~first, camera_weight, 1.0)
-        useful = tried & (dr.max(value) > 0.0)
-        ray = shadow_ray(vertex.point, vertex.normal, direction, mi.Float(dr.inf))
+        useful = tried & (pdf > 0.0) & (dr.max(value) > 0.0)
+        ray = shadow_ray(vertex.point, vertex.normal, direction, distance)
         passed = self._transmittance(ray, useful)
         if self._surfaces.has_removed:
             before = useful & vertex.in_difference
-            before &= ~sun.blocked(ray, before)
-            after = passed & ~sun.blocked(ray, useful & (passed > 0.0), kept=True)
+            before &= ~declared.blocked(ray, before)
+            after = passed & ~declared.blocked(ray, useful & (passed > 0.0), kept=True)
             return dr.select(useful, value * (after - dr.select(before, mi.Float(1.0), 0.0)), 0.0)
         value *= dr.select(vertex.in_difference, passed - 1.0, passed)
         useful &= dr.max(dr.abs(value)) > 0.0
-        return dr.select(useful & ~sun.blocked(ray, useful), value, 0.0)
+        return dr.select(useful & ~declared.blocked(ray, useful), value, 0.0)
 
     def single(self, lights: LightList, u: mi.Float, vertex: Vertex, active: mi.Bool) -> mi.Color3f:
         """Contribution of single light samples of the map, as if each were the only one of its list.
@@ -225,7 +235,7 @@ class LightSampling:
             lights: light samples of the map.
             u: uniform random numbers that pick them.
             vertex: where light arrives.
-            active: where it is wanted.
+            active: lanes to evaluate.
         """
         light = lights.sample(u, active)
         direction, distance, pdf = self._place.toward(light, vertex.point)
@@ -326,7 +336,7 @@ class LightSampling:
             distance: to them, metres.
             from_map: which are samples of the map; the others lie on synthetic emitters.
             inverted: which count where they are blocked.
-            active: which are wanted.
+            active: lanes to evaluate.
         """
         ray = shadow_ray(vertex.point, vertex.normal, direction, distance)
         passed = self._transmittance(ray, active)
@@ -379,5 +389,5 @@ def mis_weight_over_pdf(pdf: mi.Float, other: mi.Float, count: mi.Float) -> mi.F
 
     NaN where both densities are 0.
     """
-    weighed = pdf * count
-    return count * weighed / (dr.square(weighed) + dr.square(other))
+    weighted = pdf * count
+    return count * weighted / (dr.square(weighted) + dr.square(other))

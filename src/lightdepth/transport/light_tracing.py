@@ -203,7 +203,7 @@ class LightTracer:
         count = dr.width(sampler.index)
         stratum = mi.Float(dr.arange(mi.UInt32, count)) + sampler.next_1d()
         u = stratum / dr.opaque(mi.Float, count)
-        v = sampler.next_1d() if self.place.suns else u
+        v = sampler.next_1d() if self.place.declared else u
         light = self.place.sample_light(lights, u, v, self.place.path_shares)
         beams = self.targets.beams(light.position, light.finite)
         origin, direction = beams.sample(sampler.next_1d(), mi.Point2f(sampler.next_1d(), sampler.next_1d()))
@@ -237,8 +237,13 @@ class LightTracer:
     def _samples_per_path(self, light: LightSample) -> mi.Float:
         """How many light samples those of camera paths count as, relative to the share of light paths of their light."""
         shares = zip(self.light_samples, self.place.path_shares, strict=True)
-        photograph, *suns = (n / max(share, 1e-9) for n, share in shares)  # An even photograph sends no light paths.
-        return dr.select(light.is_sun, mi.Float(suns[0]), mi.Float(photograph)) if suns else mi.Float(photograph)
+        photograph, *declared = (
+            n / max(share, 1e-9) for n, share in shares
+        )  # An even photograph sends no light paths.
+        result = mi.Float(photograph)
+        for index, count in enumerate(declared, 1):
+            result = dr.select(light.light == index, mi.Float(count), result)
+        return result
 
     @dr.syntax
     def _scattered_on_objects(self, path: LightPath) -> LightPath:

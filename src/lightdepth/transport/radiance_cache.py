@@ -125,7 +125,7 @@ class RadianceCache:
 
         Args:
             cell: from :meth:`cell`.
-            active: which are wanted.
+            active: lanes to evaluate.
         """
         below, step = mi.UInt32(0), mi.UInt32(self._widest_step)
         while step > 0:

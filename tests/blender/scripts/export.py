@@ -1,11 +1,13 @@
 """A scene with one of everything, exported; and what Blender itself says of it."""
 
 import sys
+from dataclasses import asdict
+from importlib import import_module
 
 import bpy
 import numpy as np
 from mathutils import Matrix
-from session import add_camera, add_lamp, answer, begin, refused, room
+from session import MODULE, add_camera, add_lamp, answer, begin, refused, room
 
 folder = sys.argv[1]
 scene = begin()
@@ -191,6 +193,10 @@ bpy.ops.lightdepth.export_scene(filepath=f"{folder}/again.toml")
 scene.camera = camera
 camera.data.type = "PANO"
 (camera.data if hasattr(camera.data, "panorama_type") else camera.data.cycles).panorama_type = "MIRRORBALL"
+projections = import_module(f"{MODULE}.cameras").PROJECTIONS
+found["projections"] = [asdict(each) for each in projections.values()]
+offered = bpy.types.Camera.bl_rna.properties["lightdepth"].fixed_type.properties["projection"].enum_items
+found["offered"] = [item.identifier for item in offered] == ["CAMERA", *projections]
 found["mirror ball"] = refused(bpy.ops.lightdepth.export_scene, filepath=f"{folder}/flat.toml")
 bpy.data.objects["Camera"].data.type = "ORTHO"
 found["orthographic"] = refused(bpy.ops.lightdepth.export_scene, filepath=f"{folder}/flat.toml")

@@ -5,7 +5,7 @@ It gives this light to surfaces, reflections and objects; the plate stays as the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -15,7 +15,9 @@ from scipy import ndimage
 
 from lightdepth.directions import latlong_to_direction, pixel_solid_angles
 from lightdepth.errors import InputError
-from lightdepth.scene.values import Name, Number, Radiance, Table
+from lightdepth.scene.lights.light import LightTable
+from lightdepth.scene.model import Panorama
+from lightdepth.scene.values import Name, Number, Radiance
 
 SAME = 0.98
 """Share of the radiance at the source's pixel from which on its neighbours belong to the plateau."""
@@ -26,7 +28,7 @@ PARTS = 8
 Coordinate = Annotated[Number, Field(ge=0.0)]
 
 
-class ClippedTable(Table):
+class ClippedTable(LightTable):
     """A clipped source.
 
     ``pixel`` is a place in it in the panorama, x to the right and y down; ``radiance`` what it really has, in the
@@ -39,6 +41,12 @@ class ClippedTable(Table):
     pixel: tuple[Coordinate, Coordinate]
     radiance: tuple[Radiance, Radiance, Radiance]
     diameter: Number | None = Field(default=None, gt=0.0, le=30.0)
+
+    def corrected(self, panorama: Panorama) -> Panorama:
+        """As for every light: its light is that of the source, and the picture stays what it was."""
+        if not panorama.radiance.size:
+            return panorama
+        return replace(panorama, unclipped=unclipped(panorama.light_radiance, self.source()))
 
     def source(self) -> ClippedSource:
         """The source as plain data."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from datetime import datetime
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
@@ -11,16 +12,19 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from lightdepth.errors import InputError
+from lightdepth.images.radiance import read_radiance
 from lightdepth.packages import optional_package
 from lightdepth.quantities import BRIGHTEST
 from lightdepth.scene.lights.frame import sun_direction
-from lightdepth.scene.values import Angle, InputFile, Metres, Name, Number, Radiance, Table, Vector3
+from lightdepth.scene.lights.light import LightTable
+from lightdepth.scene.model import SunLight
+from lightdepth.scene.values import Angle, InputFile, Metres, Name, Number, Radiance, Vector3
 
 SUN_DIAMETER = 0.53
 """Degrees, as seen from the earth."""
 
 
-class SunTable(Table):
+class SunTable(LightTable):
     """A sun: where it stands, in one of three ways, and how strong it is.
 
     ``direction`` points toward the sun, world. ``azimuth`` counts clockwise from +y as seen from above. With ``latitude``,
@@ -73,6 +77,23 @@ class SunTable(Table):
         if self.mask != "recover" and (self.mask is None) != (self.mask_extent is None):
             raise ValueError("an image as mask and mask_extent = [left, bottom, right, top] go together")
         return self
+
+    def light(self) -> SunLight:
+        """As for every light.
+
+        Raises:
+            InputError: as :meth:`toward`, or the mask cannot be read or is none.
+            SetupError: as :meth:`toward`.
+        """
+        mask = None
+        if isinstance(self.mask, Path):
+            mask = read_radiance(self.mask)
+            if mask.max() > 1.0:
+                raise InputError(
+                    f"{self.mask}: a mask holds shares of light from 0 to 1, but this one has {mask.max():.3g}"
+                )
+        irradiance, recover = np.array(self.irradiance), self.mask == "recover"
+        return SunLight(self.name, self.toward(), self.diameter, irradiance, mask, self.mask_extent, recover)
 
     def toward(self) -> NDArray[np.float64]:
         """The unit direction toward the sun, world, shape (3,).
