@@ -83,7 +83,7 @@ def test_a_mask_stays_with_its_direction(found):
     folder, said = found
     (sun,) = load_scene(folder / "turned.toml").lights
     assert sun.mask is None
-    assert any("fits no more" in note for note in said["turned"])
+    assert any("no longer fits" in note for note in said["turned"])
 
 
 def test_lights_of_a_scene_file_become_lamps(found):

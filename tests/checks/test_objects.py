@@ -46,13 +46,13 @@ def test_a_sun_is_never_outside():
     assert found(sun, real=room(without=["ceiling"])) == []
     (problem,) = found(sun)
     assert problem.severity is Severity.HINT
-    assert "hold back its light" in problem.message
+    assert "block its light" in problem.message
 
 
 def test_object_behind_furniture_is_a_warning():
     (problem,) = found(sphere([1.6, 0.0, 0.3], 0.3), real=[*room(), CABINET])
     assert problem.severity is Severity.WARNING
-    assert "wholly behind" in problem.message
+    assert "entirely behind" in problem.message
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def test_the_share_of_the_picture_that_nobody_knows(scene):
 
 def test_a_second_panorama_knows(scene):
     (hint,) = found(replace(scene, further=(photograph(CAPTURES[1], 64),)))
-    assert "a panorama sees all that is behind it" in hint.message
+    assert "a panorama sees everything behind them" in hint.message
 
 
 def test_environment_keeps_its_shadow(scene):
@@ -55,4 +55,4 @@ def test_an_object_may_stand_in_its_place(scene):
     thing = ball(WHITE, (0.0, 0.0, 0.25), 0.25)
     for real, count in ((scene.real, 0), (REAL, 1)):
         problems = inspect_scene(replace(scene, real=real, synthetic=(thing,))).problems
-        assert sum("wholly behind or inside" in problem.message for problem in problems) == count
+        assert sum("entirely behind or inside" in problem.message for problem in problems) == count

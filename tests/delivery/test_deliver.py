@@ -351,7 +351,7 @@ def test_an_encoder_that_is_lacking_is_named(has_video, tmp_path, monkeypatch):
 BAD = {
     "a missing frame": (["gap.####.exr", "--as", "video", "-o", "x.mp4"], "frames 4 are missing"),
     "another size": (["mixed.####.exr", "--as", "video", "-o", "x.mp4"], "has 97 x 65 pixels, but .* has 96 x 64"),
-    "cut off": (["cut.####.exr", "--as", "video", "-o", "x.mp4"], "is not whole"),
+    "cut off": (["cut.####.exr", "--as", "video", "-o", "x.mp4"], "is incomplete"),
     "no frames": (["none.####.exr", "--as", "video", "-o", "x.mp4"], "no such file"),
     "frames outside": (["view.####.exr", "--as", "video", "-o", "x.mp4", "--frames", "1-4"], "frames 1-2 are missing"),
     "odd size": (["odd.####.exr", "--as", "video", "-o", "x.mp4"], "97 x 65 pixels; the codec h264 needs an even"),

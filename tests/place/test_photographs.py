@@ -1,4 +1,4 @@
-"""Several photographs of one place: how they are weighed, what the place then looks like, and how its light is drawn."""
+"""Several photographs of one place: how they are weighted, what the place then looks like, and how its light is drawn."""
 
 from dataclasses import replace
 

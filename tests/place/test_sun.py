@@ -141,7 +141,7 @@ def test_half_of_the_disc_lights_the_middle_of_the_penumbra():
 def test_light_paths_are_shared_by_what_stands_out_of_the_photograph():
     """Half of the sphere is three times as bright as the other: a quarter of its light lies above the mean.
 
-    Photograph and sun are weighed by the squares of one quarter and three quarters.
+    Photograph and sun are weighted by the squares of one quarter and three quarters.
     """
     image = np.ones((32, 64, 3), np.float32)
     image[:16] = 3.0

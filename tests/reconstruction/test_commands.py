@@ -28,7 +28,10 @@ def test_layout_then_lights(command, tmp_path, panorama, pose):
         "reconstruct", "layout", panorama, "--floor", floor, "--ceiling", 2.6, *place, "-o", tmp_path / "meshes",
         "--write", tmp_path / "scene.toml", "--picture", tmp_path / "check.png", "--json",
     )  # fmt: skip
-    assert (status, errors.strip()) == (0, f"{tmp_path}/scene.toml does not exist and will be begun with this panorama")
+    assert (status, errors.strip()) == (
+        0,
+        f"{tmp_path}/scene.toml does not exist and will be created with this panorama",
+    )
     report = json.loads(printed)
     assert report["coverage"] == {"hit": pytest.approx(1.0), "sky": 0.0, "open": 0.0, "largest_hole": None}
     assert [surface["area"] for surface in report["surfaces"]] == pytest.approx([21.0, 47.84, 21.0], rel=1e-3)

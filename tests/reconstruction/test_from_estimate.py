@@ -117,7 +117,7 @@ def test_the_command_takes_an_eight_bit_picture_and_says_what_it_means(command, 
     assert "--estimated" in errors
     status, printed, errors = command(*run, "--estimated", "--write", tmp_path / "scene.toml", "--json", *place)
     assert status == 0
-    assert errors.strip() == f"{tmp_path}/scene.toml does not exist and will be begun with this panorama"
+    assert errors.strip() == f"{tmp_path}/scene.toml does not exist and will be created with this panorama"
     report = json.loads(printed)
     assert report["estimate"]["kind"] == "disparity"
     assert report["floor"] == {"height": 0.0, "tilt": 0.0, "normal": [0.0, 0.0, 1.0]}

@@ -179,7 +179,7 @@ def test_an_id_is_free_as_soon_as_the_end_of_its_request_is_told():
 @pytest.mark.parametrize(
     ("greeting", "message"),
     [
-        ({"request": "hello", "schema": SCHEMA + 1}, f"speaks version {SCHEMA + 1} of the protocol"),
+        ({"request": "hello", "schema": SCHEMA + 1}, f"uses version {SCHEMA + 1} of the protocol"),
         ({"request": "render"}, "the first request must be"),
     ],
 )

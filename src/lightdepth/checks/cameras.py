@@ -83,7 +83,7 @@ def _around(scene: Scene, tuned: ChecksParameters) -> list[Problem]:
                     Problem(
                         Severity.WARNING,
                         f'[[synthetic]] "{thing.name}": stands around {what}, which sees nothing but its inside; is its '
-                        "size or its place wrong?",
+                        "size or its position wrong?",
                     )
                 )
     return problems
@@ -136,9 +136,9 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
         return None
     nearest = "nearest capture point" if len(captures) > 1 else "capture point"
     return (
-        f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of what "
-        "it sees is occluded from there and has a colour from elsewhere, and errors of the model show. Stay nearer, or "
-        "model finer"
+        f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of its "
+        "view is occluded from there and has a colour from elsewhere, and errors of the model are visible. Move it nearer, "
+        "or refine the model"
     )
 
 

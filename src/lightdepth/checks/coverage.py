@@ -101,7 +101,7 @@ def hole_problems(coverage: Coverage, unread: int = 0, tuned: ChecksParameters =
             f"[[real]]: {_percent(1.0 - coverage.share)} of all directions{without} hit no real surface; the largest "
             f"hole ({_percent(hole.share)}) is around azimuth {hole.azimuth:.1f}, elevation {hole.elevation:.1f} "
             f"degrees of the panorama ({pixel}world direction {x:.3f} {y:.3f} {z:.3f}). Close it with a mesh; where "
-            "nothing but sky is left open, write `sky = true` into [panorama]",
+            "nothing but sky is left open, write `sky = true` in [panorama]",
         )
     ]
 

@@ -48,7 +48,7 @@ def gloss_problems(scene: Scene, tuned: ChecksParameters = DEFAULT) -> list[Prob
                     severity,
                     f'[[real]] "{surface.name}": its gloss would mirror more than the photograph shows; '
                     f"only {100.0 * scale:.0f} % of the lobe is used. "
-                    "Lower specular, or correct what stands around it in the model",
+                    "Lower specular, or correct the model of its surroundings",
                 )
             )
     return problems

@@ -150,7 +150,7 @@ def inspect_scene(scene: Scene, hints: bool = True, tuned: ChecksParameters = DE
     found = _inspect(scene, tuned, hints=hints)
     if found.coverage is not None:
         return found
-    message = "[[real]]: there is no real geometry: give meshes of the place, or the depth of the panorama"
+    message = "[[real]]: there is no real geometry; give meshes of the place, or the depth of the panorama"
     return Inspection((Problem(Severity.ERROR, message), *found.problems), None)
 
 

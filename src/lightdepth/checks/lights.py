@@ -68,7 +68,7 @@ def _sun_problems(
             Problem(
                 Severity.WARNING,
                 f"{name}: the panorama shows a sun itself, at pixel {u * width:.0f},{v * height:.0f} (azimuth "
-                f"{around:.1f}, elevation {above:.1f} degrees, irradiance {shown[1]:.3g}); if the two are one, its light "
+                f"{around:.1f}, elevation {above:.1f} degrees, irradiance {shown[1]:.3g}); if both are one sun, its light "
                 "is counted twice: remove the [[light]]",
             )
         ]

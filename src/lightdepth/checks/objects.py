@@ -82,7 +82,7 @@ def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) ->
     """
     concealed, tuned = bool(unseen(points, view).all()), view.tuned
     if lamp:
-        message = "is a lamp that real surfaces hide from the capture point; they hold back its light as well"
+        message = "is a lamp that real surfaces hide from the capture point; they block its light as well"
         return Problem(Severity.HINT, message) if concealed else None
     beyond = not view.sky and bool(np.any((points.max(axis=0) < view.low) | (points.min(axis=0) > view.high)))
     if not concealed and not beyond:
@@ -101,7 +101,7 @@ def _out_of_sight(points: NDArray[np.float64], view: CaptureView, lamp: bool) ->
         return None
     return Problem(
         Severity.WARNING,
-        "is wholly behind or inside real surfaces as seen from the capture point; only cameras elsewhere can see it",
+        "is entirely behind or inside real surfaces as seen from the capture point; only cameras elsewhere can see it",
     )
 
 
@@ -138,7 +138,7 @@ def _standing(mesh: Mesh, index: int, objects: RayCaster, view: CaptureView) -> 
     other = np.where(under.mesh == index, np.inf, under.distance)
     gap = min(low - ground, float(other.min()))
     if contact < gap < view.tuned.deliberate_gap:
-        return Problem(Severity.HINT, f"floats {1000 * gap:.1f} mm above what is under it")
+        return Problem(Severity.HINT, f"floats {1000 * gap:.1f} mm above the surface under it")
     return None
 
 
@@ -159,5 +159,5 @@ def _coinciding(points: NDArray[np.float64], normals: NDArray[np.float64], view:
     return Problem(
         Severity.WARNING,
         f'{100 * same.mean():.2g} % of its surface coincides with "{name}" (at [{x:.3g}, {y:.3g}, {z:.3g}]): which of '
-        "the two is in front is left to chance; move it 1 mm off",
+        "the two is in front is undefined; move it 1 mm away",
     )

@@ -44,15 +44,15 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
         )
         hidden = np.isinf(behind.distance) | np.all([unseen(points, view) for view in views], axis=0)
         share = float(hidden.sum()) / len(directions)
-        message = f"[camera.{name}]: {100.0 * through.mean():.2g} % of its picture shows what is removed ({names})"
+        message = f"[camera.{name}]: {100.0 * through.mean():.2g} % of its picture shows removed surfaces ({names})"
         if not hidden.any():
-            problems.append(Problem(Severity.HINT, f"{message}, and a panorama sees all that is behind it"))
+            problems.append(Problem(Severity.HINT, f"{message}, and a panorama sees everything behind them"))
             continue
         problems.append(
             Problem(
                 Severity.HINT,
-                f"{message}; of {100.0 * share:.2g} % of the picture no panorama sees what is behind it: there, surfaces "
-                "go on in the mean colour of what is seen of them. A panorama from elsewhere would show it",
+                f"{message}; of {100.0 * share:.2g} % of the picture no panorama sees what is behind them: there, surfaces "
+                "continue in the mean colour of their visible parts. A panorama from another position would show them",
             )
         )
         fixed = [
@@ -65,7 +65,7 @@ def removed_problems(scene: Scene, views: Sequence[CaptureView]) -> list[Problem
             problems.append(
                 Problem(
                     Severity.WARNING,
-                    f"[camera.{name}]: behind what is removed ({names}) is environment ({others}), which keeps the shadow "
+                    f"[camera.{name}]: behind removed surfaces ({names}) is environment ({others}), which keeps the shadow "
                     'that was on it; declare it role = "support"',
                 )
             )

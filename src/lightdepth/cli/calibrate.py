@@ -171,7 +171,7 @@ def calibrate(
     if write is not None:
         check_writable(write)
         if not write.exists():
-            typer.echo(f"{write} does not exist and will be begun with this panorama", err=True)
+            typer.echo(f"{write} does not exist and will be created with this panorama", err=True)
 
     image = read_panorama(panorama)
     radiance = validate_panorama(image.radiance, panorama, repair=True)

@@ -112,7 +112,9 @@ def dask(
                     failed.append(f"frames {end.frames}: {end.failure}")
     except KeyboardInterrupt:
         command = shlex.join(["lightdepth", *sys.argv[1:]])
-        console.print(f"interrupted; workers finish their chunk; go on with: {command}", style="yellow", markup=False)
+        console.print(
+            f"interrupted; workers finish their chunk; continue with: {command}", style="yellow", markup=False
+        )
         raise typer.Exit(INTERRUPTED) from None
     if failed:
         raise InputError("\n".join(failed))

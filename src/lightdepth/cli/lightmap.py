@@ -61,7 +61,7 @@ def lightmap(
         _write_lights(result, median_cut, output)
     height, width = result.depth.shape
     console.print(f"{output}: {width} x {height}, {nearest:.2f} to {farthest:.2f} m", highlight=False)
-    console.print(f"{picture}: the depth, near is bright, sky is black", highlight=False)
+    console.print(f"{picture}: the depth; near is bright, sky is black", highlight=False)
     if median_cut is not None:
         console.print(f"{', '.join(map(str, _light_files(output)))}: the median cut's lights", highlight=False)
 

@@ -355,7 +355,7 @@ def _print(figures: dict[str, Any], output: Path, picture: Path) -> None:
                 highlight=False,
             )
         if not grey["sources"]:
-            console.print("nothing that clipped sends more than the panorama says", highlight=False)
+            console.print("no clipped source is brighter than the panorama shows", highlight=False)
     for warning in figures["warnings"]:
         console.print(f"[yellow]warning:[/] {warning}", soft_wrap=True)
     console.print(f"{output} and {picture} written", soft_wrap=True)

@@ -431,7 +431,7 @@ def _lights_table(sources: Sequence[Source]) -> Table:
 def _announce(scene: Path | None) -> None:
     """Say before the work that a scene file will be begun, as a wrong name would."""
     if scene is not None and not scene.exists():
-        typer.echo(f"{scene} does not exist and will be begun with this panorama", err=True)
+        typer.echo(f"{scene} does not exist and will be created with this panorama", err=True)
 
 
 def _progress() -> Progress:
@@ -491,4 +491,4 @@ def _finish(
     if scene is not None:
         console.print(f"{scene}: [[real]] tables written", markup=False)
     if picture is not None:
-        console.print(f"{picture}: look whether the lines lie on the place's edges")
+        console.print(f"{picture}: check that the lines lie on the place's edges")

@@ -190,7 +190,7 @@ def clipped(
                 f"{', '.join(f'{gain:.3g}' for gain in gains)} times its clipped light ({table['method']}, "
                 f"confidence {table['confidence']})"
                 if table["light"]
-                else "was not clipped: it lights things no more than the panorama says"
+                else "was not clipped: it gives no more light than the panorama shows"
                 if table["method"] == "not clipped"
                 else "the photograph does not determine its strength (give --pair or --grey)"
             ),

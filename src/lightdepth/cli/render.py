@@ -348,7 +348,7 @@ class Reporter(EventReporter):
         also = "" if done.denoised else "; or --denoise"
         return (
             f"the estimated error is {100 * done.error:.1f} %: noise is visible. About {factor} times the --samples "
-            f"bring it to {100 * wanted:g} %, --noise {wanted:g} takes as many as that needs{also}"
+            f"bring it to {100 * wanted:g} %, --noise {wanted:g} takes as many as are needed{also}"
         )
 
     def _ending(self, done: Done) -> str:

@@ -245,7 +245,7 @@ class _Reporter(EventReporter):
             self._console.print(f"{', '.join(parts)}: {self._wanted.files.pattern}", markup=False)
         if not complete:
             command = shlex.join(["lightdepth", *sys.argv[1:]])
-            self._console.print(f"interrupted; the same command goes on: {command}", style="yellow", markup=False)
+            self._console.print(f"interrupted; the same command continues: {command}", style="yellow", markup=False)
 
 
 def _span(seconds: float) -> str:

@@ -88,7 +88,7 @@ def find_frames(pattern: Path, numbers: str | None = None, step: int = 1) -> Fra
         step: of these, take every ``step``-th.
 
     Raises:
-        InputError: a frame is missing, is not whole, or differs from the first in size or camera.
+        InputError: a frame is missing, is incomplete, or differs from the first in size or camera.
     """
     files = _numbered(pattern, numbers, step) if MARK in pattern.name else {0: pattern}
     if MARK not in pattern.name and numbers is not None:

@@ -73,7 +73,7 @@ class CalibrationParameters:
         second_start_scale: standard deviations from which on a point counts less where these are compared.
         second_kept: best of them, that are refined.
         second_scale: as ``second_start_scale``, where they are refined.
-        second_weighings: times that the best is refined again, with the points weighed as from its position.
+        second_weighings: times that the best is refined again, with the points weighted as from its position.
         second_contradiction: click errors of the residual beyond which the points contradict each other.
         second_culprit: as ``view_culprit``, of a point.
         second_behind: cost of a point that the rays meet behind a capture point: the mirrored solutions have all of them

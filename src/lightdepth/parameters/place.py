@@ -38,7 +38,7 @@ class PlaceParameters:
         seen_depth: relative difference of distances up to which the capture point is taken to see a real point,
         grazing: cosine at which surfaces count as no more slanted: within a pixel, these change their depth.
         off_plane: pixels of the map from a real point's plane up to which a surface does not certainly occlude it.
-        measured_before: times the model's distance; where several photographs are weighed, what was measured nearer is
+        measured_before: times the model's distance; where several photographs are weighted, what was measured nearer is
             something else.
         removed_rim: pixels of the map around what is removed that count as showing it.
         removed_slant: cosine between a vertex's normal and its faces, below which it is not moved farther to enclose that

@@ -115,7 +115,7 @@ class Photographs(Photographed):
         sightings, weights = self._looked_at(hit, ray)
         point = self._point(hit)
         values = [p.sharp_of(s, point, hit.normal, hit.valid) for p, s in zip(self.each, sightings, strict=True)]
-        return _weighed(weights.shares, values)
+        return _weighted(weights.shares, values)
 
     def shares(self, hit: RealHit, ray: mi.Ray3f) -> list[mi.Float]:
         """See the base class."""
@@ -125,7 +125,7 @@ class Photographs(Photographed):
     def surface_radiance(self, hit: RealHit, direction: mi.Vector3f, active: mi.Bool) -> mi.Color3f:
         """See the base class."""
         sightings, weights = self._of_surface(hit, direction, active)
-        radiance = _weighed(
+        radiance = _weighted(
             weights.shares, [p.picture_at(s.direction) for p, s in zip(self.each, sightings, strict=True)]
         )
         return self._with_unseen(radiance, hit, active & weights.unseen)
@@ -134,14 +134,14 @@ class Photographs(Photographed):
         """See the base class."""
         sightings, weights = self._of_surface(hit, direction, active)
         values = [p.mirrored_at(s.direction, active) for p, s in zip(self.each, sightings, strict=True)]
-        return _weighed(weights.shares, values)
+        return _weighted(weights.shares, values)
 
     def sight(self, point: mi.Vector3f, normal: mi.Vector3f) -> tuple[mi.Bool, mi.Bool, mi.Color3f]:
         """See the base class."""
         sightings, finite = self._sightings(point, normal, mi.Bool(True), normal, mi.Bool(True)), mi.Bool(True)
         weights = weigh(sightings, normal, finite)
         values = [p.picture_at(s.direction) for p, s in zip(self.each, sightings, strict=True)]
-        return weights.seen, weights.unseen, _weighed(weights.shares, values)
+        return weights.seen, weights.unseen, _weighted(weights.shares, values)
 
     def shares_at(self, point: mi.Vector3f, normal: mi.Vector3f) -> list[NDArray[np.float32]]:
         """See the base class."""
@@ -208,7 +208,7 @@ class Photographs(Photographed):
         point = mi.Vector3f(self.surfaces.rest_point(hit, active))
         sightings = self._sightings(point, hit.normal, mi.Bool(True), hit.normal, active)
         weights = weigh(sightings, hit.normal, mi.Bool(True))
-        return _weighed(
+        return _weighted(
             weights.shares, [p.map.radiance(s.direction) for p, s in zip(self.each, sightings, strict=True)]
         )
 
@@ -297,5 +297,5 @@ class Photographs(Photographed):
         return image
 
 
-def _weighed(shares: Sequence[mi.Float], values: Sequence[mi.Color3f]) -> mi.Color3f:
+def _weighted(shares: Sequence[mi.Float], values: Sequence[mi.Color3f]) -> mi.Color3f:
     return reduce(operator.add, (share * value for share, value in zip(shares, values, strict=True)))

@@ -68,7 +68,7 @@ def fit_glosses(
             continue
         points, normal, shown = points[seen], normals[face][seen], radiance.numpy().T[seen]
         gloss = np.full(len(points), index, np.uint32)
-        mirrored = _weighed_mirrored(place, points, normal, lobes, gloss, generator, parameters)
+        mirrored = _weighted_mirrored(place, points, normal, lobes, gloss, generator, parameters)
         irradiance, _ = estimate_irradiance(place, points, normal, generator, parameters.gloss_samples)
         room = (shown / np.maximum(mirrored, 1e-20)).min(axis=1)
         scale = min(1.0, float(np.quantile(room, parameters.gloss_broken)))
@@ -78,7 +78,7 @@ def fit_glosses(
     return tuple(fitted)
 
 
-def _weighed_mirrored(
+def _weighted_mirrored(
     place: Place,
     points: NDArray[np.float32],
     normals: NDArray[np.float32],
