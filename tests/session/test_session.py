@@ -11,13 +11,25 @@ from lightdepth.kernel.start import start
 start("cpu")
 
 import lightdepth  # noqa: E402
-from lightdepth.api import forget_prepared  # noqa: E402
+from lightdepth.api import begin_rendering, forget_prepared  # noqa: E402
 from lightdepth.errors import InputError  # noqa: E402
 from lightdepth.film.layers import read_frame  # noqa: E402
 from lightdepth.parameters import FilmParameters, Parameters  # noqa: E402
 from lightdepth.session import events  # noqa: E402
 from lightdepth.session.displays import ExrDisplay, MemoryDisplay, PngDisplay  # noqa: E402
-from lightdepth.session.events import Caution, Done, Failure, Hello, Picture, Preparing, Progress, Stage  # noqa: E402
+from lightdepth.session.events import (  # noqa: E402
+    KINDS,
+    Caution,
+    Done,
+    Failure,
+    FrameState,
+    Hello,
+    Picture,
+    Preparing,
+    Progress,
+    SequenceProgress,
+    Stage,
+)
 from lightdepth.session.session import Job, Session  # noqa: E402
 from tests.transport.places import GREY, ball, lamp_image, room  # noqa: E402
 
@@ -251,6 +263,18 @@ def test_it_can_be_cancelled_while_it_prepares(scene):
     assert session.shown.frame is None
 
 
+def test_what_is_cancelled_before_the_first_pass_takes_none(scene):
+    """With the place prepared, nothing asks on the way there."""
+    begin_rendering(scene, "view")
+    session = Watched(scene)
+    session.during(Stage, 1, session.cancel)
+    session.start(Job("view", 8))
+    assert session.wait(PATIENCE)
+    reported = [event for event in session.told if not isinstance(event, Caution)]
+    assert reported == [Stage("preparing"), Done(None, interrupted=True)]
+    assert session.shown.frame is None
+
+
 def test_a_region_comes_first(scene):
     session = Watched(scene)
     samples = []
@@ -286,10 +310,13 @@ def test_what_goes_wrong_in_a_thread_is_reported(scene):
         Caution("careful"),
         Failure("no"),
         Done("x.exr", True),
+        SequenceProgress(3, 10, 2, 1, 0.25, None),
+        FrameState(3, "x.0003.exr", "current"),
     ],
     ids=lambda event: event.kind,
 )
 def test_events_travel_as_json(event):
+    assert KINDS[event.kind] is type(event)
     assert events.from_json(event.to_json(id="7")) == event
     assert "\n" not in event.to_json()
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lightdepth.api import DEFAULT_METHOD, begin_rendering, forget_prepared
-from lightdepth.cancellation import Cancelled, cancellable
+from lightdepth.cancellation import Cancelled, cancellable, raise_if_cancelled
 from lightdepth.errors import InputError, LightdepthError
 from lightdepth.film.checkpoint import remove_checkpoint, write_checkpoint
 from lightdepth.film.checkpoint import resume as resume_from
@@ -321,6 +321,7 @@ class Session:
                 job.cache,
                 job.sharing,
             )
+            raise_if_cancelled()
         LOGGER.info("prepared seconds=%.2f pixels=%d", time.monotonic() - began, len(rendering.pixels))
         if job.merged is not None:
             rendering.adopt(job.merged)
