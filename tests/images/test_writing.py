@@ -31,6 +31,10 @@ WRITE = {
 def test_a_missing_folder_and_a_folder_in_the_way_are_reported(tmp_path, name):
     with pytest.raises(InputError, match="there is no folder"):
         WRITE[name](tmp_path / "absent" / name)
+    (tmp_path / "taken").touch()
+    with pytest.raises(InputError, match="there is no folder '.*taken'; a file has that name"):
+        WRITE[name](tmp_path / "taken" / name)
+    (tmp_path / "taken").unlink()
     (tmp_path / name).mkdir()
     with pytest.raises(InputError, match=f"{name}: cannot be written .it is a folder"):
         WRITE[name](tmp_path / name)

@@ -48,7 +48,8 @@ def _beside(path: Path) -> Path:
     if path.is_dir():
         raise InputError(f"{path}: cannot be written (it is a folder)")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: cannot be written (there is no folder '{path.parent}')")
+        found = "; a file has that name" if path.parent.exists() else ""
+        raise InputError(f"{path}: cannot be written (there is no folder '{path.parent}'{found})")
     try:
         descriptor, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
         os.fchmod(descriptor, 0o644)
