@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -76,7 +77,7 @@ def _read_text(path: Path) -> str:
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
         if path.suffix.lower() in PICTURES:
-            hint = f"lightdepth new {path.name} begins a scene file from a panorama"
+            hint = f"lightdepth new {shlex.quote(path.name)} begins a scene file from a panorama"
             raise InputError(f"{path}: a picture, and not a scene file (TOML); {hint}") from error
         raise InputError(f"{path}: line {line}: not UTF-8 text; save the TOML file as UTF-8") from error
 

@@ -6,6 +6,9 @@ from dataclasses import replace
 import numpy as np
 import OpenEXR
 import pytest
+import trimesh
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial
 
 from lightdepth.kernel.start import start
 
@@ -15,6 +18,7 @@ import lightdepth  # noqa: E402
 from lightdepth.cameras import Perspective, Viewpoint  # noqa: E402
 from lightdepth.film.cryptomatte import Mattes, matte_channels, matte_id, murmur3, shape_names  # noqa: E402
 from lightdepth.film.layers import write_frame  # noqa: E402
+from lightdepth.images.radiance import write_radiance  # noqa: E402
 from lightdepth.scene.materials import Diffuse  # noqa: E402
 from lightdepth.scene.model import Role, SyntheticObject, SyntheticPart  # noqa: E402
 from tests.film.test_selection import box  # noqa: E402
@@ -84,6 +88,27 @@ def test_materials_are_named_after_their_objects():
     parts = tuple(SyntheticPart(geometry, material) for material in (GREY, other, GREY))
     names = shape_names([SyntheticObject("lamp", parts), ball(WHITE)])
     assert names == (("lamp",) * 3 + ("ball",), ("lamp.diffuse", "lamp.diffuse.2", "lamp.diffuse", "ball.diffuse"))
+
+
+def test_materials_of_a_mesh_file_keep_its_names(tmp_path):
+    floor = trimesh.creation.box((1, 1, 0.1))
+    named, unnamed = (PBRMaterial(name=name, baseColorFactor=[80, 90, 99, 255]) for name in ("Leather", None))
+    parts = [trimesh.Trimesh(floor.vertices, floor.faces, visual=TextureVisuals(material=m)) for m in (named, unnamed)]
+    trimesh.Scene(parts).export(tmp_path / "hat.glb")
+    (tmp_path / "hat.obj").write_text("mtllib hat.mtl\nusemtl Felt\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "hat.mtl").write_text("newmtl Felt\nKd 0.5 0.5 0.5\n")
+    write_radiance(tmp_path / "p.exr", np.ones((8, 16, 3), np.float32))
+    text = '[panorama]\nimage = "p.exr"\nsky = true\n[[real]]\nname = "floor"\nmesh = "hat.glb"\nrole = "support"\n'
+    for name, keys in (
+        ("glb", ""),
+        ("obj", ""),
+        ("grey", 'material = { type = "diffuse", color = [0.5, 0.5, 0.5] }'),
+    ):
+        mesh = "hat.obj" if name == "obj" else "hat.glb"
+        text += f'[[synthetic]]\nname = "{name}"\nmesh = "{mesh}"\n{keys}\n'
+    (tmp_path / "s.toml").write_text(text + '[camera.c]\ntype = "equirectangular"\nwidth = 16\n')
+    materials = shape_names(lightdepth.load_scene(tmp_path / "s.toml").synthetic)[1]
+    assert materials == ("glb.Leather", "glb.material_1", "obj.Felt", "grey.diffuse", "grey.diffuse")
 
 
 @pytest.fixture(scope="module")

@@ -77,6 +77,14 @@ def test_the_open_gets_ground_sky_balls_and_a_picture(command, field, tmp_path):
     assert green[row - 2 : row + 3, :20].mean() > 0.11
 
 
+def test_commands_in_the_file_can_be_pasted(command, field, tmp_path):
+    assert command("new", field, "-o", tmp_path / "my field.toml", "--no-draft")[0] == 0
+    text = (tmp_path / "my field.toml").read_text()
+    assert "`lightdepth render 'my field.toml' --camera view`" in text
+    assert "layout 'my field.toml'" in text
+    assert "-o 'my field' --write 'my field.toml'" in text
+
+
 def test_a_scene_file_is_never_replaced(command, field, tmp_path):
     scene = make_room(tmp_path)
     before = scene.read_bytes()

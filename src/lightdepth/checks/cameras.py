@@ -135,10 +135,10 @@ def _far_away(view: CameraView, capture: CaptureView, captures: Sequence[Capture
     if share < capture.tuned.unseen_view and distance < capture.tuned.far * usual:
         return None
     nearest = "nearest capture point" if len(captures) > 1 else "capture point"
+    hidden = f"{100.0 * share:.0f} % of what it sees is occluded from there and has a colour from elsewhere, and "
     return (
-        f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; {100.0 * share:.0f} % of its "
-        "view is occluded from there and has a colour from elsewhere, and errors of the model are visible. Move it nearer, "
-        "or refine the model"
+        f"is {distance:.2g} m from the {nearest}, and surfaces are {usual:.2g} m from that; "
+        f"{hidden if share >= 0.005 else ''}errors of the model are visible. Move it nearer, or refine the model"
     )
 
 

@@ -71,15 +71,19 @@ class Mattes:
 def shape_names(things: Sequence[SyntheticObject]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Names of the object and the material of each shape, in the order of the objects' parts.
 
-    Materials have no names of their own: ``OBJECT.TYPE``, with a number where an object has several of a type.
+    Materials of mesh files are called ``OBJECT.NAME``, all others ``OBJECT.TYPE``, with a number where an object has
+    several of a type.
     """
     objects, materials = [], []
     for thing in things:
         known: dict[int, str] = {}
         for part in thing.parts:
+            objects.append(thing.name)
+            if part.material_name is not None:
+                materials.append(f"{thing.name}.{part.material_name}")
+                continue
             base = f"{thing.name}.{part.material.type}"
             same = sum(name == base or name.startswith(f"{base}.") for name in known.values())
-            objects.append(thing.name)
             materials.append(known.setdefault(id(part.material), f"{base}.{same + 1}" if same else base))
     return tuple(objects), tuple(materials)
 

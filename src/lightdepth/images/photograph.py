@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import shlex
 import struct
 import warnings
 from pathlib import Path
@@ -258,9 +259,10 @@ def _check_shape(pixels: NDArray, sphere: PhotoSphere | None, path: Path) -> Non
             "joined by `lightdepth capture stitch`"
         )
     if sphere is None and _is_dual_fisheye(pixels):
+        command = shlex.join(["lightdepth", "capture", "stitch", path.name, "-o", f"{path.stem}.exr", "--dual"])
         raise InputError(
             f"{path}: shows two fisheye circles side by side, not an equirectangular panorama; stitch it with "
-            f"`lightdepth capture stitch {path.name} -o {path.stem}.exr --dual`, or with the program of the camera's maker"
+            f"`{command}`, or with the program of the camera's maker"
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -139,7 +140,7 @@ def _text(
 ) -> str:
     lines = [
         "# Begun by `lightdepth new`. What is marked as a guess was neither measured nor given: correct what you know, and",
-        f"# render again with `lightdepth render {scene.name} --camera view`.",
+        f"# render again with `lightdepth render {shlex.quote(scene.name)} --camera view`.",
         "",
         "[panorama]",
         f"image = {_toml(_relative(image, scene))}",
@@ -152,7 +153,7 @@ def _text(
         "box": "lightdepth reconstruct layout {} --floor ... --ceiling ... -o {} --write {}",
         "dome": "lightdepth reconstruct layout {} --floor ... --ceiling ... -o {} --write {}",
         "ground": "lightdepth reconstruct layout {} --outdoor --box ... -o {} --write {}",
-    }[place.kind].format(scene.name, folder.name, scene.name)
+    }[place.kind].format(*map(shlex.quote, (scene.name, folder.name, scene.name)))
     lines += ["", f"# {_sentence(place.words)}.", f"# Better: {better}"]
     for surface in place.surfaces:
         lines += [

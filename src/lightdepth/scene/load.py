@@ -399,7 +399,9 @@ def _part(part: MeshPart, to_world: NDArray[np.float64], table: MeshObject) -> S
     material = table.material
     if part.mesh.texture_coordinates is None and any(isinstance(value, Texture) for _, value in material or ()):
         raise InputError("the material has an image, but the mesh has no texture coordinates to map it by")
-    return SyntheticPart(_placed(part.mesh, to_world, table.mesh), material or part.material or Principled())
+    name = part.material_name if material is None else None
+    body = _placed(part.mesh, to_world, table.mesh)
+    return SyntheticPart(body, material or part.material or Principled(), material_name=name)
 
 
 def _camera_view(camera: Camera, pose: CapturePose) -> CameraView:

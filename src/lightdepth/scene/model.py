@@ -139,11 +139,13 @@ class SyntheticPart:
         material: of all of it.
         places: a matrix for each place where the geometry stands, from its coordinates to the world, shape (k, 4, 4),
             float64, of determinants above 0; ``None`` where it stands once, in world space.
+        material_name: of the material in its mesh file; ``None`` where it has none, or the scene file states the material.
     """
 
     geometry: Mesh | AnalyticShape
     material: Material
     places: NDArray[np.float64] | None = None
+    material_name: str | None = None
 
 
 @dataclass(frozen=True)

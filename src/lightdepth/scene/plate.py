@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 
 from lightdepth.cameras import Camera, Perspective
@@ -27,9 +28,10 @@ def read_camera_plate(table: PlateTable, cameras: Mapping[str, Camera | None]) -
     """
     if table.camera not in cameras:
         known = f"the scene file has {', '.join(sorted(cameras))}" if cameras else "the scene file has no camera"
+        image = shlex.quote(table.image.name)
         raise InputError(
-            f"camera: there is no [camera.{table.camera}]; {known}. `lightdepth calibrate view {table.image.name} --write` "
-            "finds the camera of a photograph"
+            f"camera: there is no [camera.{table.camera}]; {known}. `lightdepth calibrate view {image} --write` finds the "
+            "camera of a photograph"
         )
     camera = cameras[table.camera]
     if camera is None:

@@ -24,7 +24,9 @@ def split_emissive(part: SyntheticPart) -> list[SyntheticPart]:
     shines = _touches_light(mesh.texture_coordinates, mesh.faces, material.emission)
     dark = material.model_copy(update={"emission": (0.0, 0.0, 0.0)})
     pieces = [(shines, material), (~shines, dark)]
-    return [SyntheticPart(replace(mesh, faces=mesh.faces[which]), m) for which, m in pieces if which.any()]
+    return [
+        replace(part, geometry=replace(mesh, faces=mesh.faces[which]), material=m) for which, m in pieces if which.any()
+    ]
 
 
 def _touches_light(

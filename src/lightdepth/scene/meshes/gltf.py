@@ -178,7 +178,8 @@ class GltfReader:
         colors = self._colors(primitive, materials.base_color_factor(index)[:3], materials.shows_alpha(index))
         mesh = replace(mesh, texture_coordinates=_repeated(uv, times), colors=_repeated(colors, times))
         closed = materials.transmits(index) and is_closed(mesh)
-        return MeshPart(mesh, materials.principled(index, uv is not None, colors is not None, closed))
+        material = materials.principled(index, uv is not None, colors is not None, closed)
+        return MeshPart(mesh, material, materials.name(index))
 
     def _colors(
         self, primitive: GltfPrimitive, factor: NDArray[np.float64], with_alpha: bool

@@ -87,6 +87,10 @@ class GltfMaterials:
                 self._made[key] = self._principled(index, has_uv, has_colors, closed)
         return self._made[key]
 
+    def name(self, index: int | None) -> str | None:
+        """What the file calls a material, else its number; ``None`` without a material."""
+        return None if index is None else self._entry(index).name or f"material_{index}"
+
     def _principled(self, index: int, has_uv: bool, has_colors: bool, closed: bool) -> Principled:
         entry = self._entry(index)
         extensions, coat = entry.extensions, entry.extensions.KHR_materials_clearcoat

@@ -26,7 +26,9 @@ def split_mirrored(part: SyntheticPart) -> list[SyntheticPart]:
         return [part]
     turned = material.model_copy(update={"normal_map": _with_y_turned(material.normal_map)})
     pieces = [(~mirrored, material), (mirrored, turned)]
-    return [SyntheticPart(replace(mesh, faces=mesh.faces[which]), m) for which, m in pieces if which.any()]
+    return [
+        replace(part, geometry=replace(mesh, faces=mesh.faces[which]), material=m) for which, m in pieces if which.any()
+    ]
 
 
 def _signed_texture_areas(mesh: Mesh) -> np.ndarray:

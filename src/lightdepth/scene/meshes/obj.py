@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -201,8 +201,9 @@ class _Content:
         parts = []
         for value in np.unique(kind):
             mesh = attributes.mesh(triangles[kind == value], bool(value & 2), bool(value & 1))
-            material = None if library is None else library.material(names[value // 4], bool(value & 2))
-            parts.append(_with_colours(mesh, material, library is not None))
+            name = None if library is None else names[value // 4]
+            material = None if library is None else library.material(name, bool(value & 2))
+            parts.append(replace(_with_colours(mesh, material, library is not None), material_name=name))
         return parts
 
     def _positions(self) -> tuple[NDArray[np.float64], NDArray[np.float32] | None]:

@@ -14,10 +14,11 @@ Note = Callable[[str], None]
 
 @dataclass(frozen=True)
 class MeshPart:
-    """A mesh in the coordinates of its file, z up, metres, and the material that the file gives it, if any.
+    """A mesh in the coordinates of its file, z up, metres, and the material that the file gives it with its name, if any.
 
     Its vertices and rest positions are float64 where the file's numbers are, until the mesh is placed.
     """
 
     mesh: Mesh
     material: Material | None = None
+    material_name: str | None = None

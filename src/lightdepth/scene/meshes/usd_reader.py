@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,7 @@ class _Moment:
 
     def parts(self) -> Iterator[MeshPart]:
         for part in self._below(self._file.stage.GetPseudoRoot()):
-            yield MeshPart(transformed(part.mesh, self._file.to_scene), part.material)
+            yield replace(part, mesh=transformed(part.mesh, self._file.to_scene))
 
     def _below(self, root: Usd.Prim, within_instancer: bool = False) -> Iterator[MeshPart]:
         """Parts of a prim and of all below it, in the stage's space."""
@@ -121,7 +122,8 @@ class _Moment:
             shape = transformed(mesh.mesh(faces, uv, colours), world)
             if not len(shape.faces):
                 continue
-            yield MeshPart(shape, materials.principled(material, shape, self._time))
+            name = None if material is None else material.GetPrim().GetName()
+            yield MeshPart(shape, materials.principled(material, shape, self._time), name)
 
     def _instances(self, instancer: UsdGeom.PointInstancer) -> Iterator[MeshPart]:
         """Each prototype wherever it is."""
@@ -146,7 +148,7 @@ class _Moment:
             parts = list(self._below(prototype, within_instancer=True))
             for one in np.flatnonzero(which == number):
                 place = world @ _matrix(matrices[int(one)]) @ away
-                yield from (MeshPart(transformed(part.mesh, place), part.material) for part in parts)
+                yield from (replace(part, mesh=transformed(part.mesh, place)) for part in parts)
 
 
 def _matrix(matrix: object) -> NDArray[np.float64]:
