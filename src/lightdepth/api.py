@@ -15,6 +15,7 @@ from lightdepth.packages import require_package
 from lightdepth.scene.identity import digest, scene_digest
 from lightdepth.scene.load import load_scene
 from lightdepth.scene.model import CameraView, Scene
+from lightdepth.scene.problems import nearest
 
 if TYPE_CHECKING:
     from lightdepth.film.frame import Frame
@@ -131,7 +132,7 @@ def find_camera(scene: Scene, name: str | None) -> CameraView:
     if name is None:
         return next(iter(scene.cameras.values()))
     if name not in scene.cameras:
-        raise InputError(f"{scene.path or 'scene'}: no camera '{name}'; it has {', '.join(scene.cameras)}")
+        raise InputError(f"{scene.path or 'scene'}: no camera '{name}'{nearest(name, scene.cameras)}")
     return scene.cameras[name]
 
 

@@ -14,10 +14,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from lightdepth.cli.render import Reporter
 from lightdepth.film.layers import read_frame
 from lightdepth.images.exr import ExrPart, read_exr, write_exr
 from lightdepth.images.ocio import OcioView
 from lightdepth.images.tonemapping import AVERAGE_LUMINANCE
+from lightdepth.session.events import Done
 from tests.support.picture_file import undocumented
 
 from .room_folder import edit, make_room
@@ -171,9 +173,22 @@ def test_ctrl_c_writes_what_there_is(scene, tmp_path):
     assert done.pop("error") > 0.0
     assert done == {"event": "done", "file": str(target), "interrupted": True, "denoised": False}
     assert "Traceback" not in errors
+    assert target.with_suffix(".checkpoint").exists()
     frame = read_frame(target)
     assert 0 < float(frame.metadata["samples"]) < 10_000_000
     assert (frame.coverage > 0).any()
+
+
+def test_an_interrupted_still_names_the_command_that_continues_it(tmp_path, capsys):
+    target, command = tmp_path / "a [b].exr", "lightdepth render 'my scene.toml' --resume"
+    for kept in (False, True):
+        if kept:
+            target.with_suffix(".checkpoint").touch()
+        with Reporter("none", [target], 0.0, command) as reporter:
+            reporter.report(Done(str(target), interrupted=True, error=0.5))
+        errors = capsys.readouterr().err
+        assert f"what was rendered so far is in {target}\n" in errors
+        assert (f"this command continues: {command}\n" in errors) == kept
 
 
 def test_ctrl_c_while_preparing_writes_nothing(scene, tmp_path):
@@ -243,7 +258,7 @@ def test_what_would_make_the_picture_meaningless_stops_it(command, tmp_path, spo
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--camera", "veiw"], "no camera 'veiw'; it has view"),
+        (["--camera", "veiw"], "no camera 'veiw'; did you mean 'view'? allowed: view"),
         (["--method", "magic"], "method 'magic' is unknown; allowed are difference, directional, envpath"),
         (["--layers", "change,colour"], "--layers: 'colour' is unknown; allowed are all, none, plate"),
         (["-o", "picture.jpg"], "the output is an .exr file"),

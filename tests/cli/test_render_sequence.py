@@ -222,7 +222,7 @@ def test_ctrl_c_finishes_the_frame_and_the_second_one_drops_it(scene, tmp_path, 
     assert "Traceback" not in errors
     events += [json.loads(line) for line in output.splitlines()]
     assert events[-1]["interrupted"]
-    assert f"the same command goes on: lightdepth render {scene} --frames 1-{LAST}" in errors
+    assert f"the same command continues: lightdepth render {scene} --frames 1-{LAST}" in errors
     rendered = [number for number, state in states(events).items() if state == "rendered"]
     assert bool(rendered) == (signals == ["SIGINT"])
     files = {f"shot.{number:02}.{suffix}" for number in rendered for suffix in ("exr", "png")}
@@ -251,7 +251,7 @@ def test_without_frames_the_first_one_is_rendered(scene, shot, command, tmp_path
         (["--steady", "4"], "--force, --verify, --step and --steady go with --frames"),
         (["--frames", "1-2", "--steady", "2", "--draft"], "--steady: not with --draft"),
         (["-o", "shot.##.exr"], "numbered files are for a sequence; give --frames"),
-        (["--frames", "1-2", "--camera", "veiw"], "no camera 'veiw'; it has view"),
+        (["--frames", "1-2", "--camera", "veiw"], "no camera 'veiw'; did you mean 'view'? allowed: view"),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

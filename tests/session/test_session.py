@@ -296,7 +296,10 @@ def test_what_goes_wrong_in_a_thread_is_reported(scene):
     session = Watched(scene)
     session.start(Job("veiw", 8))
     assert session.wait(PATIENCE)
-    assert session.told[-1] == Failure(f"scene: no camera 'veiw'; it has {', '.join(scene.cameras)}")
+    assert Stage("preparing") not in session.told
+    assert session.told[-1] == Failure(
+        f"scene: no camera 'veiw'; did you mean 'view'? allowed: {', '.join(scene.cameras)}"
+    )
 
 
 @pytest.mark.parametrize(

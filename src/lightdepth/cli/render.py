@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import shlex
 import signal
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -175,11 +177,13 @@ def render(
                 preview_seconds=preview_seconds,
                 cache=not no_cache,
             )
+            arguments = [argument for argument in sys.argv[1:] if argument != "--resume"]
+            continuing = shlex.join(["lightdepth", *arguments, "--resume"])
             session = Session(loaded, device, keep=False)
             if share is None:
                 session.display(ExrDisplay(target, chosen, exr))
                 session.display(PngDisplay(files[1], exposure, look))
-            with Reporter(progress, files, exposure) as reporter:
+            with Reporter(progress, files, exposure, continuing) as reporter:
                 run(session, job, reporter, interruption)
         except (KeyboardInterrupt, RuntimeError):
             if not interruption.dropped:
@@ -302,9 +306,10 @@ class Reporter(EventReporter):
         kind: ``bar``, ``json`` or ``none``.
         files: what is written.
         exposure: stops by which the PNG is lighter than by itself.
+        continuing: the command that goes on from a checkpoint; none where no checkpoint is kept.
     """
 
-    def __init__(self, kind: str, files: list[Path], exposure: float = 0.0) -> None:
+    def __init__(self, kind: str, files: list[Path], exposure: float = 0.0, continuing: str = "") -> None:
         columns = (
             TextColumn("{task.description}"),
             BarColumn(),
@@ -312,15 +317,18 @@ class Reporter(EventReporter):
             TimeRemainingColumn(),
         )
         super().__init__(kind, files[0].stem, columns)
-        self._files, self._exposure = files, exposure
+        self._files, self._exposure, self._continuing = files, exposure, continuing
 
     def _show(self, event: Event) -> None:
+        from lightdepth.film.checkpoint import checkpoint_beside
         from lightdepth.session.events import Done, Preparing, Progress, Stage
 
         name = self._files[0].stem
         if isinstance(event, Done) and self._kind != "json":
-            self._console.print(self._ending(event))
-            if advice := self._advice(event):
+            self._console.print(self._ending(event), markup=False)
+            if event.interrupted and self._continuing and exists(checkpoint_beside(self._files[0])):
+                self._console.print(f"this command continues: {self._continuing}", style="yellow", markup=False)
+            elif advice := self._advice(event):
                 self._console.print(advice, style="yellow", markup=False)
         elif self._kind != "bar":
             return
@@ -358,4 +366,4 @@ class Reporter(EventReporter):
             return f"wrote {written}{shown}"
         if done.file is not None:
             return f"interrupted; what was rendered so far is in {written}"
-        return "interrupted; --resume goes on"
+        return "interrupted; nothing was written"

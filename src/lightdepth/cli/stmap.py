@@ -39,6 +39,7 @@ def write(
     from lightdepth.errors import InputError
     from lightdepth.images.stmap import write_stmap
     from lightdepth.images.writing import check_writable
+    from lightdepth.scene.problems import nearest
     from lightdepth.toml_file import read_toml
 
     if undistort is None and redistort is None:
@@ -54,7 +55,7 @@ def write(
         raise InputError(f"{scene}: has no [camera.NAME] table")
     name = camera if camera is not None else next(iter(cameras))
     if name not in cameras:
-        raise InputError(f"{scene}: has no camera '{name}'; there are: {', '.join(cameras)}")
+        raise InputError(f"{scene}: has no camera '{name}'{nearest(name, cameras)}")
     try:
         settings = TypeAdapter(CameraSettings).validate_python(cameras[name])
     except ValidationError as error:

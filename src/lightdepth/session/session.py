@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lightdepth.api import DEFAULT_METHOD, begin_rendering, forget_prepared
+from lightdepth.api import DEFAULT_METHOD, begin_rendering, find_camera, forget_prepared
 from lightdepth.cancellation import Cancelled, cancellable, raise_if_cancelled
 from lightdepth.errors import InputError, LightdepthError
 from lightdepth.film.checkpoint import remove_checkpoint, write_checkpoint
@@ -306,6 +306,7 @@ class Session:
 
     def _prepared(self, job: Job) -> Rendering:
         """A rendering that has just begun, or goes on from its checkpoint."""
+        find_camera(self._scene, job.camera)  # A mistyped name is refused before anything is said to be prepared.
         self._report(Stage("preparing"))
         began = time.monotonic()
         with cancellable(lambda: self._cancelled), watched(lambda done: self._report(Preparing(round(done, 4)))):
