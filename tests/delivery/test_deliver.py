@@ -73,6 +73,8 @@ def shots(tmp_path_factory):
                 matrices={"worldToCamera": world_to_camera}, topology=whole,
             )  # fmt: skip
             write_frame(folder / f"{name}.{number:04}.exr", frame, [], RATE)
+            if name == "master":
+                write_frame(folder / f"silent.{number:04}.exr", frame, [])
     with wave.open(str(folder / "tone.wav"), "wb") as sound:
         sound.setparams((2, 2, 44100, 0, "NONE", ""))
         tone = 8000 * np.sin(np.arange(44100) * 2 * np.pi * 440 / 44100)
@@ -273,6 +275,19 @@ def test_a_dome_master_camera_needs_no_turn_to_the_zenith(shots, tmp_path, comma
         errors = delivered(command, shots / "master.####.exr", "--as", "dome-master", "-o", tmp_path / "Show.png")
     assert "above the horizon" not in errors
     assert "Dome tilt: 15 degrees\n" in (tmp_path / "Show.txt").read_text()
+
+
+def test_a_single_frame_of_a_dome_needs_no_frame_rate(shots, tmp_path, command):
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", InputWarning)
+        delivered(command, shots / "silent.0003.exr", "--as", "dome-master", "-o", tmp_path / "Show.png")
+    assert (tmp_path / "Show_00001.png").exists()
+    text = (tmp_path / "Show.txt").read_text()
+    assert "Frames: 1," in text
+    assert "Frame rate" not in text
+    status, _, errors = command("deliver", shots / "silent.####.exr", "--as", "dome-master", "-o", tmp_path / "Two.png")
+    assert status == 2
+    assert "the frames do not state their frame rate; give --fps" in errors
 
 
 def exif(path):

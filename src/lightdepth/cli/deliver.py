@@ -67,15 +67,19 @@ def deliver(
     from lightdepth.images.look import chosen_look
     from lightdepth.packages import require_package
 
-    moving = kind != "stills"
-    if kind not in ("dome-master", "stills"):  # Not first found out when all is graded.
+    moving = kind not in ("stills", "dome-master")
+    if moving:  # Not first found out when all is graded.
         require_package("av", "video")
-    if audio is not None and not moving:
+    if audio is not None and kind == "stills":
         raise InputError("--audio goes with videos and dome masters, not with stills")
     chosen = chosen_look(look, ocio, display, view)
     found = find_frames(frames, numbers, step)
     arranged = arrangement(kind, found)
-    rate = _rate(fps, found.rate, frames) if moving else Fraction(1)
+    count = len(found.files)
+    rate = found.rate if fps is None else _rate(fps)
+    if rate is None and (moving or (kind == "dome-master" and count > 1)):
+        also = "" if count > 1 else ", or deliver one picture --as stills"
+        raise InputError(f"{frames}: the frames do not state their frame rate; give --fps{also}")
     graded = grade(found, chosen, exposure)
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     with Progress(console=console, transient=True) as bar:
@@ -89,23 +93,18 @@ def deliver(
             written = write_dome_master(dome, found, arranged, graded, progress)
         elif kind == "stills":
             written = write_stills(output, found, arranged, graded, progress)
-        else:
+        elif rate is not None:
             movie = Movie(output, rate, codec, quality, audio)
             written = write_movie(movie, found, arranged, graded, progress)
-    count = len(found.files)
     what = "1 frame" if count == 1 else f"{count} frames"
     shown = f"{written[0]}" if len(written) == 1 else f"{written[0]} ... {written[-1]}"
     console.print(f"wrote {shown} ({what}, {chosen}, exposure {graded.stops:+.2f} stops)", markup=False)
 
 
-def _rate(text: str | None, stated: Fraction | None, frames: Path) -> Fraction:
-    """Frames per second of the option ``--fps``, or those that the frames state."""
+def _rate(text: str) -> Fraction:
+    """Frames per second of the option ``--fps``."""
     from lightdepth.scene.animation.sequence import exact_rate
 
-    if text is None:
-        if stated is None:
-            raise InputError(f"{frames}: the frames do not state their frame rate; give --fps")
-        return stated
     try:
         rate = Fraction(text) if "/" in text else exact_rate(float(text))
     except (ValueError, ZeroDivisionError, OverflowError):

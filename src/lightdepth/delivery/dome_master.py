@@ -38,13 +38,13 @@ class DomeMaster:
 
     Attributes:
         pattern: ``folder/Name.png`` or ``.tif``; the frames are ``Name_00001.png`` and so on.
-        rate: frames per second.
+        rate: frames per second; ``None`` of a single frame that states none.
         bits: of each channel.
         audio: a sound file, which is copied as ``Name`` with its own suffix.
     """
 
     pattern: Path
-    rate: Fraction
+    rate: Fraction | None
     bits: Literal[8, 16] = 16
     audio: Path | None = None
 
@@ -68,7 +68,7 @@ def write_dome_master(
     side = arranged.size[0]
     if side not in SIZES:
         warn(f"{frames.first}: has {side} x {side} pixels; domes expect {', '.join(map(str, SIZES))}")
-    if not RATES[0] <= wanted.rate <= RATES[1]:
+    if wanted.rate is not None and not RATES[0] <= wanted.rate <= RATES[1]:
         warn(f"{float(wanted.rate):g} frames per second: domes expect 24 to 60, most of them 30 or 60")
     if frames.rotation is not None and frames.camera.get("type") == "fisheye":  # A dome master stands upright itself.
         elevation = float(np.degrees(np.arcsin(np.clip(frames.rotation[2, 1], -1.0, 1.0))))
@@ -100,10 +100,16 @@ def _description(wanted: DomeMaster, frames: Frames, side: int) -> str:
         "Dome tilt": f"{camera['tilt']:g} degrees" if "tilt" in camera else "as rendered",
         "Resolution": f"{side} x {side}",
         "Frames": f"{count}, {wanted.pattern.stem}_00001 to {wanted.pattern.stem}_{count:05}",
-        "Frame rate": f"{float(rate):g} per second" + ("" if rate.denominator == 1 else f" ({rate})"),
-        "Duration": f"{float(count / rate):.3f} seconds",
+        **({} if rate is None else _timing(count, rate)),
         "File format": f"{wanted.pattern.suffix.lower().lstrip('.').upper()}, {wanted.bits} bits per channel, R G B",
         "Audio": "none" if wanted.audio is None else f"{wanted.pattern.stem}{wanted.audio.suffix}",
         "Software": software(),
     }
     return "".join(f"{name}: {value}\n" for name, value in facts.items())
+
+
+def _timing(count: int, rate: Fraction) -> dict[str, str]:
+    return {
+        "Frame rate": f"{float(rate):g} per second" + ("" if rate.denominator == 1 else f" ({rate})"),
+        "Duration": f"{float(count / rate):.3f} seconds",
+    }
