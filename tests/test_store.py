@@ -3,6 +3,7 @@
 import json
 import logging
 import os
+import resource
 import subprocess
 import sys
 import time
@@ -135,6 +136,22 @@ def test_the_environment_names_the_folder(environment, folder, monkeypatch):
         monkeypatch.setenv(name, value)
     store = default_store()
     assert (None if store is None else str(store.folder)) == folder
+
+
+def test_other_users_may_read_an_entry(tmp_path):
+    Store(tmp_path).write(KEY, ARRAYS, "")
+    assert [path.stat().st_mode & 0o777 for path in tmp_path.iterdir()] == [0o644]
+
+
+def test_a_full_disk_is_warned_of(tmp_path):
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        with pytest.warns(InputWarning, match=f"{tmp_path}: cannot be written .*'lightdepth cache --clear'"):
+            Store(tmp_path).write(KEY, ARRAYS, "")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_where_nothing_can_be_written_the_work_goes_on(tmp_path, caplog):

@@ -7,6 +7,7 @@ written under another name and renamed, so that who reads it finds all of it or 
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
 import io
 import json
@@ -32,6 +33,8 @@ SUFFIX, UNFINISHED = ".place", ".tmp-"
 ABANDONED = 3600.0
 """Seconds after which an unfinished file belongs to a process that has died."""
 VARIABLE, OFF = "LIGHTDEPTH_CACHE", "off"
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+"""Of a disk, a user's share of it, and a process's largest file."""
 
 log = logging.getLogger(__name__)
 
@@ -107,6 +110,7 @@ class Store:
             handle, name = tempfile.mkstemp(prefix=UNFINISHED, dir=self.folder)
             try:
                 with os.fdopen(handle, "wb") as file:
+                    os.fchmod(file.fileno(), 0o644)  # A cache may be shared by several users.
                     file.write(contents)
                 os.replace(name, self._path(key))
             except BaseException:
@@ -114,7 +118,11 @@ class Store:
                     os.unlink(name)
                 raise
         except OSError as error:
-            log.info("%s: cannot be written (%s); going without a cache", self.folder, error.strerror)
+            text = f"{self.folder}: cannot be written ({error.strerror}); going without a cache"
+            if error.errno in FULL:
+                warn(f"{text}. 'lightdepth cache --clear' makes room; {VARIABLE} names another folder")
+            else:
+                log.info("%s", text)
             return
         self._remove_surplus()
 

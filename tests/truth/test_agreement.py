@@ -13,6 +13,9 @@ LARGE = Size(photograph=512, photograph_samples=1024, width=160, truth_samples=2
 ROUGH_TRUTHS = {("court", "mixed"): 16384}
 """Samples where 2048 are too few for the truth to know its own noise: sun that metal throws onto the ground, which path
 tracing finds so seldom that most of its pixels miss it and take themselves to be exact."""
+MORE_SEEDS = {("sunlit_room", "mixed"): 96}
+"""Renderings where 64 are too few: the panorama's radiance cache, from some 50,000 paths, gives all pixels of a rendering
+an error in common, which is 0.7 % there."""
 LARGEST_SIGNED = 0.005
 """Of a mean over seeds whose limit of chance is smaller still: a method without any error fails at most once in two million
 runs, and one of twice this error passes as rarely."""
@@ -50,7 +53,12 @@ def test_directional_fails_the_same_test(camera: str) -> None:
 @pytest.mark.parametrize("objects", ["matte", "mixed", "lamp"])
 @pytest.mark.parametrize("name", sorted(PLACES))
 def test_difference_agrees_in_every_place(name: str, objects: str, camera: str) -> None:
-    size = replace(LARGE, truth_samples=ROUGH_TRUTHS.get((name, objects), LARGE.truth_samples))
+    case = name, objects
+    size = replace(
+        LARGE,
+        truth_samples=ROUGH_TRUTHS.get(case, LARGE.truth_samples),
+        seeds=MORE_SEEDS.get(case, LARGE.seeds),
+    )
     agreement = compare(PLACES[name](objects), camera, "difference", size)
-    assert standard_errors(LARGE.seeds - 1) * agreement.signed_error < LARGEST_SIGNED
+    assert standard_errors(size.seeds - 1) * agreement.signed_error < LARGEST_SIGNED
     require_agreement(agreement, f"difference_{name}_{objects}_{camera}")
