@@ -77,9 +77,7 @@ class Carried:
 
     def matte_names(self) -> dict[str, str]:
         """The materials' names by those that the renderer's mattes have, which go by the object."""
-        base = f"{self.name}.principled"
-        numbered = enumerate(self.materials, start=1)
-        return {(base if number == 1 else f"{base}.{number}"): name for number, name in numbered if name}
+        return {f"{self.name}.{name}": name for name in self.materials if name}
 
 
 @dataclass

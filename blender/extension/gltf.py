@@ -62,7 +62,7 @@ class Writer:
             triangles: the mesh, in Blender's axes.
             which: numbers of the triangles, shape (k,).
             surface: their material.
-            name: of the material, for notes.
+            name: of the material, for notes and the renderer's mattes.
             at_times: the mesh at the file's times, with the same faces.
         """
         if not len(which) or not surface.visible:
@@ -207,6 +207,8 @@ class Writer:
             extensions["KHR_materials_volume"] = {"thicknessFactor": 1.0}  # in Cycles every surface has an inside
         extensions["KHR_materials_ior"] = {"ior": surface.ior if transmits else reflection_ior(surface)}
         material["extensions"] = extensions
+        if name:
+            material["name"] = name
         self._used |= extensions.keys()
         return self._append("materials", material)
 

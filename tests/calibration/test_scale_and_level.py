@@ -67,7 +67,7 @@ def test_the_height_alone_takes_the_panorama_as_level(command, plain, tmp_path):
     assert found["position"] == [0.0, 0.0, 1.5]
     assert found["expected_error"] is None
     assert any("taken as level" in warning for warning in found["warnings"])
-    assert "new.toml does not exist and will be begun" in err
+    assert "new.toml does not exist and will be created" in err
     written = tomllib.loads((tmp_path / "new.toml").read_text())
     assert written == {"panorama": {"image": "plain.exr", "position": [0.0, 0.0, 1.5], "rotation": [0.0, 0.0, 0.0]}}
 

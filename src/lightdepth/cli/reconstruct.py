@@ -429,7 +429,7 @@ def _lights_table(sources: Sequence[Source]) -> Table:
 
 
 def _announce(scene: Path | None) -> None:
-    """Say before the work that a scene file will be begun, as a wrong name would."""
+    """Say before the work that a scene file will be created, as a wrong name would."""
     if scene is not None and not scene.exists():
         typer.echo(f"{scene} does not exist and will be created with this panorama", err=True)
 
