@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
-import sys
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,6 +10,7 @@ import typer
 from rich.console import Console
 
 from lightdepth.cli.render import INTERRUPTED
+from lightdepth.cli.reporting import own_command
 from lightdepth.errors import InputError
 
 if TYPE_CHECKING:
@@ -111,9 +110,8 @@ def dask(
                 if end.failure is not None:
                     failed.append(f"frames {end.frames}: {end.failure}")
     except KeyboardInterrupt:
-        command = shlex.join(["lightdepth", *sys.argv[1:]])
         console.print(
-            f"interrupted; workers finish their chunk; continue with: {command}", style="yellow", markup=False
+            f"interrupted; workers finish their chunk; continue with: {own_command()}", style="yellow", markup=False
         )
         raise typer.Exit(INTERRUPTED) from None
     if failed:

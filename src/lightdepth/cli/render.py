@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-import shlex
 import signal
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -25,7 +23,7 @@ from lightdepth.cli.options import (
     Repair,
     SceneFile,
 )
-from lightdepth.cli.reporting import EventReporter
+from lightdepth.cli.reporting import EventReporter, own_command
 from lightdepth.errors import InputError
 from lightdepth.files import exists
 
@@ -177,13 +175,11 @@ def render(
                 preview_seconds=preview_seconds,
                 cache=not no_cache,
             )
-            arguments = [argument for argument in sys.argv[1:] if argument != "--resume"]
-            continuing = shlex.join(["lightdepth", *arguments, "--resume"])
             session = Session(loaded, device, keep=False)
             if share is None:
                 session.display(ExrDisplay(target, chosen, exr))
                 session.display(PngDisplay(files[1], exposure, look))
-            with Reporter(progress, files, exposure, continuing) as reporter:
+            with Reporter(progress, files, exposure, own_command("--resume")) as reporter:
                 run(session, job, reporter, interruption)
         except (KeyboardInterrupt, RuntimeError):
             if not interruption.dropped:

@@ -5,6 +5,7 @@ Where there is no terminal, as in a log, the bar is a line every few seconds.
 
 from __future__ import annotations
 
+import shlex
 import sys
 import time
 from abc import ABC, abstractmethod
@@ -20,6 +21,12 @@ if TYPE_CHECKING:
 
 LOG_SECONDS = 5.0
 """Time between two lines of a log."""
+
+
+def own_command(*options: str) -> str:
+    """The command that is running, as it can be pasted, with ``options`` at its end."""
+    arguments = [argument for argument in sys.argv[1:] if argument not in options]
+    return shlex.join(["lightdepth", *arguments, *options])
 
 
 class EventReporter(ABC):

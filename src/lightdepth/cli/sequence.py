@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shlex
 import signal
-import sys
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +13,7 @@ from typing import TYPE_CHECKING
 import typer
 from rich.progress import BarColumn, TextColumn
 
-from lightdepth.cli.reporting import EventReporter
+from lightdepth.cli.reporting import EventReporter, own_command
 from lightdepth.errors import InputError, LightdepthError
 
 if TYPE_CHECKING:
@@ -244,8 +242,9 @@ class _Reporter(EventReporter):
                 parts.append(f"{len(others)} came from other processes")
             self._console.print(f"{', '.join(parts)}: {self._wanted.files.pattern}", markup=False)
         if not complete:
-            command = shlex.join(["lightdepth", *sys.argv[1:]])
-            self._console.print(f"interrupted; the same command continues: {command}", style="yellow", markup=False)
+            self._console.print(
+                f"interrupted; the same command continues: {own_command()}", style="yellow", markup=False
+            )
 
 
 def _span(seconds: float) -> str:

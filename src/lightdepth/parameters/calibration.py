@@ -7,9 +7,8 @@ from typing import Annotated
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Share
+from lightdepth.parameters.ranges import CHECKED, Count, Counts, Depth, NotNegative, Positive, Probability, Share
 
-Factors = Annotated[tuple[Count, ...], Field(min_length=1)]
 FieldsOfView = Annotated[tuple[Annotated[Positive, Field(lt=180.0)], ...], Field(min_length=1)]
 
 
@@ -180,7 +179,7 @@ class CalibrationParameters:
     match_rounds: Count = 2
     match_reach: Positive = 4.0
     match_half: Count = 9
-    match_coarsenings: Factors = (1, 2)
+    match_coarsenings: Counts = (1, 2)
     match_finest: Annotated[Count, Field(ge=2)] = 4
     match_nearer: Share = 0.02
     match_least_known: Share = 0.75

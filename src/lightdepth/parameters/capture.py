@@ -7,9 +7,16 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Ratio, Share
-
-Pixels = Annotated[tuple[Positive, ...], Field(min_length=1)]
+from lightdepth.parameters.ranges import (
+    CHECKED,
+    Count,
+    NotNegative,
+    Positive,
+    Positives,
+    Ratio,
+    Share,
+    must_be_in_order,
+)
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -146,7 +153,7 @@ class CaptureParameters:
     circle_contrast: Ratio = 4.0
     circle_lit: Share = 0.1
     circle_least_lit: Share = 0.5
-    circle_tolerances: Pixels = (2.0, 1.0, 0.5)
+    circle_tolerances: Positives = (2.0, 1.0, 0.5)
     rig_tolerance: Positive = 12.0
     lens_least_fov: Positive = 0.7
     lens_greatest_fov: Positive = 1.4
@@ -174,22 +181,21 @@ class CaptureParameters:
     dual_widest_band: Positive = 8.0
     dual_gain_band: Positive = 3.0
     dual_rim: Share = 0.985
-    dual_blurs: Pixels = (6.0, 2.0)
+    dual_blurs: Positives = (6.0, 2.0)
     dual_evaluations: Count = 160
     dual_agreeing: Share = 0.5
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        for low, high in (
+        must_be_in_order(
+            self,
             ("black", "white"),
             ("lens_least_fov", "lens_greatest_fov"),
             ("lens_least_slope", "lens_greatest_slope"),
             ("matching_smallest", "matching_largest"),
             ("dual_smallest_fov", "dual_largest_fov"),
             ("dual_band", "dual_widest_band"),
-        ):
-            if getattr(self, low) > getattr(self, high):
-                raise ValueError(f"{low} must be at most {high}")
+        )
         return self
 
 

@@ -7,7 +7,7 @@ from typing import Self
 from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Share
+from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Share, must_be_in_order
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -127,7 +127,8 @@ class ChecksParameters:
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        for less, more in (
+        must_be_in_order(
+            self,
             ("unseen_support", "much_unseen_support"),
             ("much_unseen_support", "most_unseen_support"),
             ("nearest_surface", "thinnest_place"),
@@ -138,9 +139,7 @@ class ChecksParameters:
             ("photographs_differ", "photographs_differ_much"),
             ("plate_differs", "plate_differs_much"),
             ("visible_error", "visible_error_denoised"),
-        ):
-            if getattr(self, less) > getattr(self, more):
-                raise ValueError(f"{less} must be at most {more}")
+        )
         return self
 
 

@@ -7,7 +7,7 @@ from typing import Self
 from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Share
+from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Probability, Share, must_be_in_order
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -59,8 +59,7 @@ class DistancesParameters:
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.least_slope > self.largest_slope:
-            raise ValueError("least_slope must be at most largest_slope")
+        must_be_in_order(self, ("least_slope", "largest_slope"))
         return self
 
 

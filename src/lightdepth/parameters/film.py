@@ -7,7 +7,16 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, PowerOfTwo, Share
+from lightdepth.parameters.ranges import (
+    CHECKED,
+    Count,
+    Factor,
+    NotNegative,
+    Positive,
+    PowerOfTwo,
+    Share,
+    must_be_in_order,
+)
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -102,7 +111,7 @@ class FilmParameters:
     error_time_share: Positive = 0.05
     single_around: Count = 9
     worth_shared: NotNegative = 0.05
-    shared_again: Annotated[Positive, Field(ge=1.0)] = 4.0
+    shared_again: Factor = 4.0
     compared_lists: Annotated[Count, Field(ge=2)] = 2
     fewest_probes: Count = 12
     most_probes: Count = 64
@@ -124,10 +133,7 @@ class FilmParameters:
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.fewest_probes > self.most_probes:
-            raise ValueError("fewest_probes must be at most most_probes")
-        if self.fewest_lens_points > self.most_lens_points:
-            raise ValueError("fewest_lens_points must be at most most_lens_points")
+        must_be_in_order(self, ("fewest_probes", "most_probes"), ("fewest_lens_points", "most_lens_points"))
         return self
 
 

@@ -7,7 +7,18 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, Distances, NotNegative, Positive, Probability, Ratio, Share
+from lightdepth.parameters.ranges import (
+    CHECKED,
+    Count,
+    Counts,
+    NotNegative,
+    Positive,
+    Positives,
+    Probability,
+    Ratio,
+    Share,
+    must_be_in_order,
+)
 
 Elevation = Annotated[float, Field(strict=True, ge=-90.0, le=90.0)]
 Negative = Annotated[float, Field(strict=True, lt=0.0, allow_inf_nan=False)]
@@ -159,7 +170,7 @@ class LightingParameters:
     grazing: Share = 0.03
     search_lowest: Elevation = -30.0
     search_spacing: Positive = 2.5
-    search_finer: Distances = (1.0, 0.35)
+    search_finer: Positives = (1.0, 0.35)
     search_finer_steps: Count = 3
     search_finer_kept: Count = 3
     search_apart: Positive = 1.5
@@ -184,11 +195,11 @@ class LightingParameters:
     sun_fair_error: Positive = 0.15
     sun_good_uncertainty: Positive = 0.25
     sun_fair_uncertainty: Positive = 0.75
-    edge_reaches: Distances = (8.0, 6.0, 4.0, 3.0, 3.0, 2.5, 2.5)
+    edge_reaches: Positives = (8.0, 6.0, 4.0, 3.0, 3.0, 2.5, 2.5)
     edge_most_turn: Positive = 1.5
     edge_same_normal: Share = 0.99
     edge_least_slope: NotNegative = 0.02
-    edge_alone: Distances = (1.5, 3.0)
+    edge_alone: Positives = (1.5, 3.0)
     edge_overshoot: NotNegative = 0.3
     edge_outlier: Positive = 4.0
     edge_least_deviation: Positive = 0.08
@@ -207,7 +218,7 @@ class LightingParameters:
     fewest_edges: Count = 12
     enough_edges: Count = 60
     pair_clear: NotNegative = 1.25
-    pair_distances: Distances = (2.5, 3.5, 5.0, 7.0, 10.0)
+    pair_distances: Positives = (2.5, 3.5, 5.0, 7.0, 10.0)
     pair_samples: Count = 512
     pair_correlated: Positive = 5.0
     most_pairs: Count = 1200
@@ -267,7 +278,7 @@ class LightingParameters:
     gloss_good_spread: Positive = 0.06
     gloss_fair_spread: Positive = 0.12
     gloss_differs: Positive = 0.03
-    gloss_distances: Annotated[tuple[Count, ...], Field(min_length=1)] = (1, 2, 4, 7, 11)
+    gloss_distances: Counts = (1, 2, 4, 7, 11)
     gloss_improves: Share = 1e-3
     gloss_tile: Count = 12
     gloss_resamples: Count = 200
@@ -284,13 +295,8 @@ class LightingParameters:
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         for what in ("sun_{}_deviation", "sun_{}_error", "sun_{}_uncertainty", "clipped_{}_error", "gloss_{}_width"):
-            good, fair = what.format("good"), what.format("fair")
-            if getattr(self, good) > getattr(self, fair):
-                raise ValueError(f"{good} must be at most {fair}")
-        if self.sun_fair_share > self.sun_good_share:
-            raise ValueError("sun_fair_share must be at most sun_good_share")
-        if self.clipped_darkest > self.clipped_whitest:
-            raise ValueError("clipped_darkest must be at most clipped_whitest")
+            must_be_in_order(self, (what.format("good"), what.format("fair")))
+        must_be_in_order(self, ("sun_fair_share", "sun_good_share"), ("clipped_darkest", "clipped_whitest"))
         return self
 
 

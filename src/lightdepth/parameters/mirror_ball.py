@@ -7,11 +7,20 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Ratio, Share
+from lightdepth.parameters.ranges import (
+    CHECKED,
+    Count,
+    Depth,
+    NotNegative,
+    Positive,
+    Positives,
+    Ratio,
+    Share,
+    must_be_in_order,
+)
 
 Angle = Annotated[float, Field(strict=True, ge=0.0, le=180.0)]
 Tilts = Annotated[tuple[Annotated[float, Field(strict=True, ge=-90.0, le=90.0)], ...], Field(min_length=1)]
-Positives = Annotated[tuple[Positive, ...], Field(min_length=1)]
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -152,9 +161,7 @@ class MirrorBallParameters:
     def _in_order(self) -> Self:
         if len(self.rim_noise) != len(self.rim_starts):
             raise ValueError("rim_noise and rim_starts must have as many rounds")
-        for low, high in (("turn_nearest", "turn_farthest"), ("unwrap_none", "unwrap_all")):
-            if getattr(self, low) >= getattr(self, high):
-                raise ValueError(f"{low} must be less than {high}")
+        must_be_in_order(self, ("turn_nearest", "turn_farthest"), ("unwrap_none", "unwrap_all"), strictly=True)
         return self
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Self
 from pydantic import Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Share
+from lightdepth.parameters.ranges import CHECKED, Count, NotNegative, Positive, Share, must_be_in_order
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -112,15 +112,10 @@ class QuickstartParameters:
     @model_validator(mode="after")
     def _in_order(self) -> Self:
         for what in ("object", "fov", "width"):
-            if getattr(self, f"smallest_{what}") > getattr(self, f"largest_{what}"):
-                raise ValueError(f"smallest_{what} must be at most largest_{what}")
-        for less, more in (
-            ("closest", "farthest"),
-            ("shortest_view", "longest_view"),
-            ("lowest_camera", "highest_camera"),
-        ):
-            if getattr(self, less) > getattr(self, more):
-                raise ValueError(f"{less} must be at most {more}")
+            must_be_in_order(self, (f"smallest_{what}", f"largest_{what}"))
+        must_be_in_order(
+            self, ("closest", "farthest"), ("shortest_view", "longest_view"), ("lowest_camera", "highest_camera")
+        )
         return self
 
 

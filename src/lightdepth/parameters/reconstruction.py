@@ -7,7 +7,18 @@ from typing import Annotated, Self
 from pydantic import AfterValidator, Field, model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Ratio, Share
+from lightdepth.parameters.ranges import (
+    CHECKED,
+    Count,
+    Depth,
+    Factor,
+    NotNegative,
+    Positive,
+    Probability,
+    Ratio,
+    Share,
+    must_be_in_order,
+)
 
 
 def _odd(value: int) -> int:
@@ -170,14 +181,14 @@ class BoxParameters:
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        for least, greatest in (
+        must_be_in_order(
+            self,
             ("least_distance", "greatest_distance"),
             ("least_ratio", "greatest_ratio"),
             ("nearest_wall", "farthest_wall"),
             ("lowest_ceiling", "highest_ceiling"),
-        ):
-            if getattr(self, least) >= getattr(self, greatest):
-                raise ValueError(f"{least} must be less than {greatest}")
+            strictly=True,
+        )
         if not self.least_distance <= self.nearest_wall < self.farthest_wall <= self.greatest_distance:
             raise ValueError("nearest_wall and farthest_wall must lie within least_distance and greatest_distance")
         return self
@@ -208,7 +219,7 @@ class DepthParameters:
     much_missing: Share = 0.05
     largest_hole: Annotated[Positive, Field(le=180.0)] = 60.0
     least_continued: Share = 0.5
-    most_continued: Annotated[Positive, Field(ge=1.0)] = 4.0
+    most_continued: Factor = 4.0
     filter_width: Width = 9
     filter_range: Positive = 4.0
     noise_levels: Annotated[Count, Field(ge=2)] = 12
@@ -256,8 +267,8 @@ class UnitParameters:
     apart: NotNegative = 0.25
     least_floor: Share = 0.15
     least_score: Share = 0.35
-    needed_gain: Annotated[Positive, Field(ge=1.0)] = 1.15
-    surer: Annotated[Positive, Field(ge=1.0)] = 1.2
+    needed_gain: Factor = 1.15
+    surer: Factor = 1.2
     lowest_ceiling: Positive = 0.25
     highest_ceiling: Positive = 6.0
     ceiling_step: Positive = 0.04
@@ -268,8 +279,7 @@ class UnitParameters:
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.lowest_ceiling >= self.highest_ceiling:
-            raise ValueError("lowest_ceiling must be less than highest_ceiling")
+        must_be_in_order(self, ("lowest_ceiling", "highest_ceiling"), strictly=True)
         return self
 
 
@@ -321,8 +331,8 @@ class PlaneParameters:
     patches: Positive = 300.0
     patch_noise: Positive = 0.015
     tolerance: Positive = 0.06
-    first_tolerance: Annotated[Positive, Field(ge=1.0)] = 2.0
-    outer_tolerance: Annotated[Positive, Field(ge=1.0)] = 2.0
+    first_tolerance: Factor = 2.0
+    outer_tolerance: Factor = 2.0
     least_wall: Share = 0.012
     least_ceiling: Share = 0.02
     ceiling_step: Positive = 0.02
@@ -349,8 +359,7 @@ class PlaneParameters:
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.least_apart >= self.most_apart:
-            raise ValueError("least_apart must be less than most_apart")
+        must_be_in_order(self, ("least_apart", "most_apart"), strictly=True)
         return self
 
 
@@ -387,13 +396,12 @@ class EstimateParameters:
     convex: Share = 0.7
     fewest_pixels: Count = 20
     much_unknown: Share = 0.005
-    above_floor: Annotated[Positive, Field(ge=1.0)] = 1.002
+    above_floor: Factor = 1.002
     behind_reach: Angle = 15.0
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.least_plane_error > self.most_plane_error:
-            raise ValueError("least_plane_error must be at most most_plane_error")
+        must_be_in_order(self, ("least_plane_error", "most_plane_error"))
         return self
 
 
@@ -461,9 +469,9 @@ class PointParameters:
     per_cell: Positive = 2.0
     open_cells: Positive = 4.0
     outlier_neighbours: Count = 8
-    outlier_factor: Annotated[Positive, Field(ge=1.0)] = 3.0
+    outlier_factor: Factor = 3.0
     smallest_clump: Count = 30
-    stray_factor: Annotated[Positive, Field(ge=1.0)] = 8.0
+    stray_factor: Factor = 8.0
     smoothing_neighbours: Annotated[Count, Field(ge=3)] = 32
     gap_cells: Positive = 4.0
     gap_fewest_rows: Annotated[Count, Field(ge=2)] = 64
@@ -477,16 +485,13 @@ class PointParameters:
     plane_thickness: Positive = 0.5
     plane_normal: Share = 0.9
     plane_behind: Positive = 2.0
-    volume: Annotated[Positive, Field(ge=1.0)] = 1.3
+    volume: Factor = 1.3
     coarsest: Count = 5
     finest: Annotated[Count, Field(le=14)] = 11
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.gap_fewest_rows > self.gap_most_rows:
-            raise ValueError("gap_fewest_rows must be at most gap_most_rows")
-        if self.coarsest > self.finest:
-            raise ValueError("coarsest must be at most finest")
+        must_be_in_order(self, ("gap_fewest_rows", "gap_most_rows"), ("coarsest", "finest"))
         return self
 
 

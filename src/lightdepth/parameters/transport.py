@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic.dataclasses import dataclass
 
-from lightdepth.parameters.ranges import CHECKED, Count, Depth, NotNegative, Positive, Probability, Share
+from lightdepth.parameters.ranges import (
+    CHECKED,
+    Count,
+    Depth,
+    Factor,
+    NotNegative,
+    Positive,
+    Probability,
+    Share,
+    must_be_in_order,
+)
 
 
 @dataclass(frozen=True, config=CHECKED)
@@ -66,7 +76,7 @@ class TransportParameters:
     unlikely_sun: Probability = 0.0625
     directed_share: Probability = 0.5
     far_from_objects: Positive = 40.0
-    surroundings: Annotated[Positive, Field(ge=1.0)] = 6.0
+    surroundings: Factor = 6.0
     glossy_share: Probability = 0.5
     mirrors_all: Probability = 0.75
     most_spheres: Count = 6
@@ -95,8 +105,7 @@ class TransportParameters:
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.smallest_cell > self.largest_cell:
-            raise ValueError("smallest_cell must be at most largest_cell")
+        must_be_in_order(self, ("smallest_cell", "largest_cell"))
         return self
 
 
