@@ -147,3 +147,22 @@ def test_a_processor_without_fma_is_refused(tmp_path, flags, complaint):
     done = run(code)
     assert complaint in done.stderr
     assert (done.returncode == 0) == (complaint == "")
+
+
+def test_ctrl_c_while_mitsuba_loads_is_held_until_it_has():
+    """Within the loading of its native modules it ended the process by a SystemError, an abort, or a segmentation fault."""
+    code = """
+import signal, sys
+from lightdepth.kernel.start import start
+class Interrupting:
+    def find_spec(self, name, path, target=None):
+        if name == "mitsuba":
+            signal.raise_signal(signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+try:
+    start()
+except KeyboardInterrupt:
+    print(sys.modules["mitsuba"].variant())
+"""
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ended.stdout, ended.returncode) == ("llvm_ad_rgb\n", 0), ended.stderr

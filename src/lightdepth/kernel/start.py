@@ -5,8 +5,11 @@ from __future__ import annotations
 import ctypes
 import os
 import re
+import signal
 import sys
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -136,7 +139,8 @@ def _start(device: Device) -> str:
     started = sys.modules.get("mitsuba")
     variant = None if started is None else started.variant()
     if variant is None:
-        variant = _load(device)
+        with _interrupts_held():
+            variant = _load(device)
     if variant not in VARIANTS.values():
         raise SetupError(
             f"this process has started Mitsuba with the variant '{variant}'; lightdepth needs one of "
@@ -158,6 +162,25 @@ def _start(device: Device) -> str:
                 f"DRJIT_LIBLLVM_PATH to {find_libllvm()}."
             )
     return str(variant)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Hold Ctrl-C back until the end: an exception within the loading of a native module may end the process."""
+    of_python = signal.getsignal(signal.SIGINT) is not None  # Else it cannot be put back.
+    if (
+        threading.current_thread() is not threading.main_thread() or not of_python
+    ):  # Other threads are never interrupted.
+        yield
+        return
+    held: list[int] = []
+    before = signal.signal(signal.SIGINT, lambda number, _: held.append(number))
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if held:
+            signal.raise_signal(held[0])
 
 
 def _load(device: Device) -> str:
