@@ -154,6 +154,7 @@ def test_ctrl_c_while_mitsuba_loads_is_held_until_it_has():
     code = """
 import signal, sys
 from lightdepth.kernel.start import start
+signal.signal(signal.SIGINT, signal.default_int_handler)  # A shell's background jobs begin with it ignored.
 class Interrupting:
     def find_spec(self, name, path, target=None):
         if name == "mitsuba":
